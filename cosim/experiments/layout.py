@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from cosim.study import Baseline, Experiment, Measures, Run, RunOptions, Study, Wiring
@@ -19,11 +20,10 @@ PAPERS = "fmu_sources.catalog:PAPERS"
 
 
 def experiment(
-    name: str,
+    package: str,
     title: str,
-    runs: Any,
-    plan: Any,
     *,
+    name: str = "",
     interval: Any = "1 ms",
     takes_files: bool = True,
     relative: bool = False,
@@ -33,40 +33,39 @@ def experiment(
     """The experiment of a folder.
 
     Args:
-        name: of the experiment.
+        package: `__name__` of the folder's `__init__`.
         title: one line.
-        runs: the module `runs` of the folder.
-        plan: the tasks of the study.
+        name: of the experiment, by default that of the folder.
         interval: between two samples of the recording.
         takes_files: whether a user's vehicle files can stand in for the published ones.
         relative: whether metrics are also shown as per cent of the baseline's.
         page: of single runs, by its place.
         study: of the `Study`, besides or instead of what the folder holds.
     """
+    runs, published = (import_module(f"{package}.{module}") for module in ("runs", "published"))
 
     def own(attribute: str) -> Any:
         return getattr(runs, attribute, None)
 
     def beside(module: str, attribute: str) -> str | None:
-        file = Path(runs.__file__).with_name(f"{module}.py")
-        return f"{runs.__package__}.{module}:{attribute}" if file.is_file() else None
+        return f"{package}.{module}:{attribute}" if find_spec(f"{package}.{module}") else None
 
     found = {"claims": beside("claims", "CLAIMS"), "report": beside("report", "report"), "papers": PAPERS}
     remarks = own("remarks") or partial(flagged, own("FLAGS") or {})
     passive = own("passive") or getattr(runs.Case, "passive", None)
     own_fmus = "cosim.experiments.own_files:own_fmus" if takes_files else None
     return Experiment(
-        name,
+        name or package.rpartition(".")[2].replace("_", "-"),
         runs.Case,
         Wiring(runs.wire, own("structure"), own("configure"), runs.FMUS, own_fmus),
         Measures(runs.measure, runs.METRICS, own("signals"), own("failed"), remarks),
         RunOptions(runs.stop_time, runs.recorded, interval, own("stop_when"), own("begin")),
         Baseline(passive, own("own_baseline"), own("called"), own("about"), relative, own("compared")),
-        Study(plan, **{**found, **study}),
+        Study(published.plan, **{**found, **study}),
         page=page,
         web=beside("web", "live"),
         title=title,
-        module=runs.__package__,
+        module=package,
     )
 
 

@@ -13,6 +13,7 @@ from cosim.study.case import fields
 
 Only = tuple[Callable[[Any], bool], str]
 """Where an option means something; see `option`."""
+Label = str | Callable[[Any], str]
 
 
 class AtSpeed:
@@ -37,6 +38,20 @@ class Controlled(Stepped):
         object.__setattr__(bare, "controller", "passive")  # to ask; it may be a case that cannot be run
         rules = ((f, f.option.only) for f in fields(type(self)))
         return replace(bare, **{f.attribute: f.default for f, only in rules if only and not only[0](bare)})
+
+
+def quantity(
+    what: str,
+    default: float | None,
+    within: tuple[float, float],
+    help: str,
+    only: Only | None = None,
+    label: Label = "",
+) -> Any:
+    """A number, "preview error [ms]": name of the option and unit; labels of runs have its value and unit."""
+    name, _, unit = what.removesuffix("]").partition(" [")
+    label = label or "{:g}" + unit.replace("/", "")
+    return option(default, name=name.replace(" ", "-"), unit=unit, within=within, help=help, only=only, label=label)
 
 
 def speed_option(

@@ -18,7 +18,6 @@ from cosim.experiments.handling.published import (
     at,
     controlled,
     controlled_rollover,
-    designed_elsewhere,
     plan,
     rollover,
 )
@@ -166,7 +165,7 @@ def test_plan_has_every_control_law_and_each_run_once() -> None:
     speeds = {m: controlled("mpc", m).speed_kmh for m in ("lane-change", "obstacle", "step", "straight")}
     assert speeds == {"lane-change": 60.0, "obstacle": 40.0, "step": 60.0, "straight": 30.0}
     assert (controlled("mpc", "step").wheel_deg, at("public", "steady").wheel_deg) == (30.0, 180.0)
-    assert {designed_elsewhere(c, "step") for c in REDESIGNED} <= cases
+    assert {controlled(c, "step", design="paper") for c in REDESIGNED} <= cases
 
 
 # -------------------------------------------------------------------------------------------------------------- wiring
@@ -258,7 +257,9 @@ def test_the_linear_car_of_a_design_is_the_car_that_is_driven(fmus: FmuSet) -> N
 
 
 def test_the_gain_of_a_design_is_set_where_it_is_chosen(fmus: FmuSet) -> None:
-    own, papers = (EXPERIMENT.wiring.wire(fmus, f("lqr-kilonewton", "step")) for f in (controlled, designed_elsewhere))
+    own, papers = (
+        EXPERIMENT.wiring.wire(fmus, controlled("lqr-kilonewton", "step", design=d)) for d in ("car", "paper")
+    )
     file = fmus.path("FullCarHmmwvModified")
     assert own["controller"].values["gain[1,1]"] == design.lqr_parameters("modified", file, cheap=True)["gain[1,1]"]
     assert "gain[1,1]" not in papers["controller"].values

@@ -11,7 +11,7 @@ from altered import altered, failed
 from hmmwv_made_up import is_finer, made_up_study, metric, watts
 
 from cosim.experiments.hmmwv.averages import Averages
-from cosim.experiments.hmmwv.claims import CLAIMS, SENTENCES, STATEMENTS, unsettled
+from cosim.experiments.hmmwv.claims import CLAIMS, SENTENCES, unsettled
 from cosim.experiments.hmmwv.preview import runs as chains
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW
 from cosim.experiments.hmmwv.preview.published import (
@@ -34,7 +34,7 @@ from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, Case, over_variants
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, need
 from cosim.experiments.hmmwv.tracking import runs as corners
 from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING
-from cosim.experiments.hmmwv.tracking.published import DENSITIES, VARIANTS, largest_stable_density, robustness_case
+from cosim.experiments.hmmwv.tracking.published import VARIANTS
 from cosim.experiments.hmmwv.tracking.runs import SIGNALS, square, sweep
 from cosim.report import Claim, Report, Table, write_report
 from cosim.report.claims import Condition
@@ -138,8 +138,8 @@ def test_travel_is_compared_with_skyhook_too():
 
 def test_a_sentence_is_one_claim_under_both_conditions_of_the_pump():
     found = judged(watts(9.0, road="track", flow_limit=True), watts(31.7, road="off-road", flow_limit=True))
-    assert {p.id for p in SENTENCES} <= set(found)
-    assert all([c.name for c in found[p.id].conditions] == [WITHOUT_LIMIT, PUMP] for p in SENTENCES)
+    assert set(SENTENCES) <= set(found)
+    assert all([c.name for c in found[id].conditions] == [WITHOUT_LIMIT, PUMP] for id in SENTENCES)
     twofold, driver = found["track-twofold"], found["off-road-driver"]
     assert [c.verdict for c in twofold.conditions] == ["reproduced", "trend reproduced, magnitude differs"]
     assert twofold.verdict == "trend reproduced, magnitude differs"
@@ -186,7 +186,8 @@ def test_a_pump_whose_run_failed_counts_as_not_tried():
 
 def needs(study: Results) -> dict[str, object]:
     """What pump each statement takes."""
-    return {id: found for id, s in STATEMENTS.items() if (found := need(Averages(study), s)) is not None}
+    parts = {f"{id}-{s.of}" if len(each) > 1 else id: s for id, each in SENTENCES.items() for s in each}
+    return {id: found for id, s in parts.items() if (found := need(Averages(study), s)) is not None}
 
 
 def test_the_pump_of_a_file_of_ones_own_is_named():
@@ -194,14 +195,8 @@ def test_the_pump_of_a_file_of_ones_own_is_named():
     study = made_up_study(metric("flow_limit", 100.0))
     found = claims(study)
     assert found["track-alike"].conditions[1].name == "100 l/min at each actuator"
-    assert [c.l_min(Averages(study)) for c in needs(study)["track-twofold-mpc"].conditions] == [
-        60,
-        75,
-        90,
-        100,
-        120,
-        float("inf"),
-    ]
+    tried = [c.l_min(Averages(study)) for c in needs(study)["track-twofold-mpc"].holds]
+    assert tried == [60, 75, 90, 100, 120, float("inf")]
     (table,) = (t for t in pump_tables(Averages(study)) if t.id == "pump")
     assert table.columns[-1] == "25 l/min each, passive over it [-]"
     assert "null opening of the unpowered spool, which damps the passive car: 7 mm" in (
@@ -248,7 +243,7 @@ def test_a_verdict_that_changes_with_the_steps_is_open():
     assert "LQR: as run median 2.02 times" in without.reason
     assert "1.98 times" in without.reason
     assert found["converged"].verdict == "does not hold"
-    assert unsettled(made_up_study(change)) == ["track-twofold (LQR, pump without limit)"]
+    assert unsettled(Averages(made_up_study(change))) == ["track-twofold (LQR, pump without limit)"]
 
 
 @pytest.mark.parametrize(
@@ -370,13 +365,6 @@ def test_the_report_shows_what_refinement_changes(fmus):
     assert "an exchange every 0.25 ms" in section.paragraphs[0]
 
 
-def test_the_lqr_in_kilonewtons_is_shown_as_it_is(fmus):
-    kilonewton = {"road": "off-road", "controller": "lqr-kilonewton", "flow_limit": False}
-    study = made_up_study(watts(4.0, **kilonewton), metric("travel_peak", 0.105, **kilonewton))
-    (section,) = (s for s in report(study, fmus).sections if s.title == "Off road")
-    assert "it beats MPC. Its suspension moves up to 105 mm" in section.paragraphs[1]
-
-
 # ------------------------------------------------------------------------------------------------------------- the
 # parts
 
@@ -422,30 +410,13 @@ def test_claims_on_force_tracking_follow_the_numbers():
         "tracking-notches": True,
     }
     bad = well(made_up_study(worse=[next(iter(VARIANTS))]))
-    assert [bad[f"tracking-{n}"] for n in ("square", "sweep", "difference", "average", "notches")] == [
-        False,
-        False,
-        False,
-        True,
-        False,
-    ]
+    assert [n for n in ("square", "sweep", "difference", "average", "notches") if bad[f"tracking-{n}"]] == ["average"]
 
 
 def test_a_failed_run_of_a_corner_leaves_open_what_needs_it_and_nothing_else():
     judged = TRACKING.judge(failed(made_up_study(), corners.Case("sweep", average=True)))
     assert [c.id for c in judged if c.verdict == "open"] == ["tracking-average"]
     assert "force-tracking: sweep-average failed" in next(c.reason for c in judged if c.verdict == "open")
-
-
-def test_margin_is_where_the_loop_becomes_unstable():
-    study = made_up_study()
-    assert largest_stable_density(study) == 1.1
-    assert largest_stable_density(study, leakage=5.0) == 1.1
-    rows = dict(study)
-    for density in DENSITIES:
-        case = robustness_case("step", density, 1.0)
-        rows[case] = {**rows[case], "late": 1.0}
-    assert largest_stable_density(rows) is None
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
@@ -137,18 +138,8 @@ def test_a_case_sets_car_and_actuators(systems):
     names = ("supply.running", "supply.limited", "supply.flow_limit", "valve.null_opening", "solver.step")
     assert given(plain, "actuator_rr", *names) == [True, False, 0.00075, 0.005, 0.00025]
     assert given(plain, "car", "tires.lift_off", "friction.acting", "solver.step") == [True, False, 0.0005]
-    limited = Case(
-        "bump",
-        "lqr",
-        flow_limit=True,
-        pump_l_min=120.0,
-        shared_pump=True,
-        null_opening_mm=4.0,
-        lift_off=False,
-        friction=True,
-        solver_parts=2,
-    )
-    system = systems(limited)
+    pump: dict[str, Any] = {"flow_limit": True, "pump_l_min": 120.0, "shared_pump": True, "null_opening_mm": 4.0}
+    system = systems(Case("bump", "lqr", lift_off=False, friction=True, solver_parts=2, **pump))
     assert given(system, "actuator_rr", *names) == [True, True, 0.0005, 0.004, 0.000125]
     assert given(system, "car", "tires.lift_off", "friction.acting", "solver.step") == [False, True, 0.00025]
     assert given(systems(Case("bump", "passive")), "actuator_fl", "supply.running", "valve.voltage") == [False, 0.0]
@@ -164,36 +155,10 @@ def test_a_run_that_ends_before_its_metrics_begin_is_refused(fmus, raises):
 
 def test_what_a_run_is_compared_with():
     """The passive car on the same road, in the same state; nothing that it does not have."""
-    case = Case(
-        "bump",
-        "mpc-preview",
-        states="estimated",
-        preview="sensed",
-        speed_kmh=50.0,
-        variant=2,
-        friction=True,
-        lift_off=False,
-        null_opening_mm=6.0,
-        driven=True,
-        duration=2.0,
-        flow_limit=True,
-        pump_l_min=60.0,
-        solver_parts=2,
-        exchange_parts=2,
-    )
-    assert runs.passive(case) == Case(
-        "bump",
-        "passive",
-        speed_kmh=50.0,
-        variant=2,
-        friction=True,
-        lift_off=False,
-        null_opening_mm=6.0,
-        driven=True,
-        duration=2.0,
-        solver_parts=2,
-        exchange_parts=2,
-    )
+    kept: dict[str, Any] = {"speed_kmh": 50.0, "variant": 2, "friction": True, "lift_off": False, "driven": True}
+    kept |= {"null_opening_mm": 6.0, "duration": 2.0, "solver_parts": 2, "exchange_parts": 2}
+    own: dict[str, Any] = {"states": "estimated", "preview": "sensed", "flow_limit": True, "pump_l_min": 60.0}
+    assert runs.passive(Case("bump", "mpc-preview", **kept, **own)) == Case("bump", "passive", **kept)
 
 
 @pytest.mark.parametrize(

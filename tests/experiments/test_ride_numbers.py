@@ -19,7 +19,7 @@ from cosim.experiments.ride import EXPERIMENT, published
 from cosim.experiments.ride.claims import CLAIMS
 from cosim.experiments.ride.published import HEIGHTS, POWERS, plan, systems
 from cosim.experiments.ride.report import report
-from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, runs, speeds
+from cosim.experiments.ride.results import CAR_NAMES, Driven, Speeds, name
 from cosim.experiments.ride.runs import CARS, METRICS, Case, measure, passive, recorded, remarks
 from cosim.experiments.ride.search import EXPONENT, LONGEST, STEEP, TOLERANCE, WITHIN, SpeedLimit, crossing, rise
 from cosim.experiments.ride.web import live
@@ -588,7 +588,7 @@ def test_a_rise_is_no_fall_however_small(study: Results) -> None:
     slow, fast = first(study, "6x6", "lqr", "1in"), first(study, "6x6", "lqr", "2in")
     own = study.found(fast)["speeds"]
     for factor, holds in ((0.99, True), (1.0, False), (1.015, False), (1.04, False)):
-        median = speeds(study, slow, "absorbed_power_nrmm").median
+        median = Driven(slow, study).speeds("absorbed_power_nrmm").median
         assert median is not None
         rougher = {**own, "absorbed_power_nrmm": [factor * median] * fast.seeds}
         changed = altered(study, {fast: {"speeds": rougher}})
@@ -638,16 +638,17 @@ def test_speeds_in_words() -> None:
 
 def test_the_run_nearest_to_the_limit(study: Results) -> None:
     search = first(study, "6x6", "lqr", "1in")
-    found = nearest(study, search, "absorbed_power_nrmm")
+    driven = Driven(search, study)
+    found = driven.nearest("absorbed_power_nrmm")
     assert found is not None
     assert found["absorbed_power_nrmm"] == 6.0
-    assert [r["seed"] for r in runs(study, search)] == [1] * 5
+    assert [r["seed"] for r in driven.runs()] == [1] * 5
     rows = study.found(search)["runs"]
     some = altered(study, {search: {"runs": [{**r, "arrived": r["speed_kmh"] < 17} for r in rows]}})
-    assert [r["speed_kmh"] for r in runs(some, search)] == pytest.approx(
+    assert [r["speed_kmh"] for r in Driven(search, some).runs()] == pytest.approx(
         [share * 16.5 * 0.99 for share in (0.5, 0.985, 1.0)]
     )
-    assert speeds(study, search, "absorbed_power").median == pytest.approx(16.5 * 1.1)
+    assert driven.speeds("absorbed_power").median == pytest.approx(16.5 * 1.1)
     assert published.SEEDS_RUN == 3
 
 

@@ -4,7 +4,6 @@
 judges; `report` lays out.
 """
 
-from cosim.experiments.bench import published, runs
 from cosim.experiments.layout import experiment
 
-EXPERIMENT = experiment("bench", "LQR and MPC on a quarter-car bench (paper 002)", runs, published.plan)
+EXPERIMENT = experiment(__name__, "LQR and MPC on a quarter-car bench (paper 002)")

@@ -5,13 +5,8 @@
 claims, `judge` judges them, `report` lays out. `identify` derives the controllers again.
 """
 
-from cosim.experiments.gpc import published, runs
 from cosim.experiments.layout import experiment
 
 EXPERIMENT = experiment(
-    "gpc",
-    "Full car under generalized predictive control on three roads (paper 000)",
-    runs,
-    published.plan,
-    interval="10 ms",
+    __name__, "Full car under generalized predictive control on three roads (paper 000)", interval="10 ms"
 )

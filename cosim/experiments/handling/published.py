@@ -42,11 +42,6 @@ def controlled(controller: str, manoeuvre: str, actuators: str = "ideal", *, des
     return at(CONTROLLED, manoeuvre, controller=controller, actuators=actuators, **own, **more)
 
 
-def designed_elsewhere(controller: str, manoeuvre: str) -> Case:
-    """The same under LQR or MPC as the paper designed it, on another car."""
-    return controlled(controller, manoeuvre, design="paper")
-
-
 def j_turns(car: str) -> list[Case]:
     """Turns of rising steering wheel angle, up to where wheels lift."""
     return [at(car, "j-turn", wheel_deg=angle) for angle in J_TURNS]
@@ -100,7 +95,7 @@ def plan() -> list[Task | RolloverAngle]:
     shown = [at(c, m) for c in CARS for m in MANOEUVRES] + [rough(c, m) for c in CARS for m in ROUGH]
     shown += [controlled(c, m) for c in CONTROLLERS for m in SHOWN]
     shown += [controlled(c, m, "hydraulic") for c in CONTROLLERS for m in HYDRAULIC]
-    shown += [designed_elsewhere(c, m) for c in REDESIGNED for m in SHOWN]
+    shown += [controlled(c, m, design="paper") for c in REDESIGNED for m in SHOWN]
     shown += [controlled(c, "straight", seed=seed) for c in CONTROLLERS for seed in PROFILES]
     searches = [rollover(c) for c in CARS] + [controlled_rollover(c) for c in CONTROLLERS]
     tasks = [Task(c, signals=True) for c in dict.fromkeys(shown)] + [Task(t) for c in CARS for t in j_turns(c)]

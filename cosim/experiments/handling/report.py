@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from math import pi
 
-from cosim.experiments.handling import EXPERIMENT
+from cosim.experiments.handling import EXPERIMENT, published
 from cosim.experiments.handling.claims import CLAIMS
-from cosim.experiments.handling.published import (
-    CLOSE,
-    CONTROLLED,
-    COURSE,
-    HYDRAULIC,
-    J_TURNS,
-    LANE_CHANGES,
-    at,
-    controlled,
-    controlled_rollover,
-    designed_elsewhere,
-    j_turns,
-    rollover,
-    rough,
-)
+from cosim.experiments.handling.published import at, controlled, controlled_rollover, j_turns, rollover, rough
 from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, NAMES, REDESIGNED, Case
-from cosim.report import Figure, Panel, Parameter, Series, Table, curve
+from cosim.report import Figure, Panel, Parameter, Series, Table, curve, over_time
 from cosim.report.model import Look
-from cosim.study import Content, FmuSet, Results, Row, StudyReport, parameters
+from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 
 LAWS = {
     "passive": "passive (baseline)",
@@ -46,12 +32,13 @@ _HANDLING = (
     *("roll_peak", "roll_rate_peak", "transfer_front", "transfer_rear", "rollover", "slip_peak", "offset"),
     *("force_peak", "force_rms", "power_peak", "power_rms"),
 )
+_TURNING = ("roll_gradient", "roll_peak", "yaw_gain", "response_time")
 _COMFORT = ("iso2631_rms", "seat_rms", "absorbed_power_nrmm", "iso2631_rms_cg")
 DEG = 180 / pi
-_SHOWN = (
-    ("wheel", "steering wheel [deg]", DEG),
-    ("yaw_rate", "yaw rate [deg/s]", DEG),
-    ("ay", "lateral acceleration [m/s2]", 1.0),
+_PANELS = (
+    ("", "steering wheel [deg]", "wheel", DEG),
+    ("", "yaw rate [deg/s]", "yaw_rate", DEG),
+    ("", "lateral acceleration [m/s2]", "ay", 1.0),
 )
 
 
@@ -81,19 +68,15 @@ def _main_result(study: Results) -> Content:
 
 
 def _against(study: Results) -> Panel:
-    curves = []
-    for c in CARS:
-        s = study.signals(at(c, "steady"))
-        degrees = [DEG * w for w in s["wheel"]]
-        curves.append(Series(NAMES[c], degrees, s["ay"]))
+    signals = {NAMES[c]: study.signals(at(c, "steady")) for c in CARS}
+    curves = [Series(name, [DEG * w for w in s["wheel"]], s["ay"]) for name, s in signals.items()]
     return Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
 
 
 def _figure(study: Results, manoeuvre: str, *, random: bool = False) -> Figure:
     runs = {NAMES[c]: study.signals((rough if random else at)(c, manoeuvre)) for c in CARS}
-    panels = [Panel("", "time [s]", label, [curve(n, s, of, k) for n, s in runs.items()]) for of, label, k in _SHOWN]
-    title = MANOEUVRES[manoeuvre].about + (", random road" if random else "")
-    return Figure(manoeuvre + "-rough" * random, title[0].upper() + title[1:], "", panels, columns=3)
+    title = MANOEUVRES[manoeuvre].about + ", random road" * random
+    return Figure(manoeuvre + "-rough" * random, title[0].upper() + title[1:], "", over_time(runs, _PANELS), columns=3)
 
 
 @report.section("Open-loop manoeuvres")
@@ -108,64 +91,46 @@ def _open_loop(study: Results) -> Content:
 @report.section("Lane changes with a driver")
 def _lanes(study: Results) -> Content:
     yield "The FMU Driver follows the path; the lanes are those of the standards in our simplification as one line."
-    for manoeuvre in ("lane-change", "obstacle"):
+    for manoeuvre in published.LANE_CHANGES:
         runs = {NAMES[c]: study.signals(at(c, manoeuvre)) for c in CARS}
         x, y = zip(*MANOEUVRES[manoeuvre].path, strict=True)
         path = [Series("path", x, y, color="black", dash="dot")]
         track = [curve(n, s, "y", x="x") for n, s in runs.items()]
         gg = [curve(n, s, "ax", x="ay") for n, s in runs.items()]
-        yield Figure(
-            manoeuvre,
-            MANOEUVRES[manoeuvre].about,
-            "Track and g-g diagram.",
-            [
-                Panel("", "distance [m]", "lateral position [m]", track + path),
-                Panel("", "lateral acceleration [m/s2]", "longitudinal acceleration [m/s2]", gg),
-            ],
-            columns=2,
-        )
+        panels = [
+            Panel("", "distance [m]", "lateral position [m]", track + path),
+            Panel("", "lateral acceleration [m/s2]", "longitudinal acceleration [m/s2]", gg),
+        ]
+        yield Figure(manoeuvre, MANOEUVRES[manoeuvre].about, "Track and g-g diagram.", panels, columns=2)
     yield _figure(study, "lane-change", random=True)
 
 
 @report.section("Comfort and handling under control of the suspension")
 def _suspension(study: Results) -> Content:
-    yield f"""The {NAMES[CONTROLLED]} drives the lane changes under control laws for its suspension, which were made
-    for comfort on a straight road, and straight ahead over the {COURSE} course of the study ride. GPC (paper 000) was
-    identified on this car. Skyhook has the gains of paper 001. LQR and MPC have its weights and are designed on this
-    car near rest. No control law gets the steering or the lateral acceleration, and none weighs the driver's seat,
-    which is ahead of the CG. The baseline is the passive car: its springs and dampers alone. Comfort is
+    yield f"""The {NAMES[published.CONTROLLED]} drives the lane changes under control laws for its suspension, which
+    were made for comfort on a straight road, and straight ahead over the {published.COURSE} course of the study ride.
+    GPC (paper 000) was identified on this car. Skyhook has the gains of paper 001. LQR and MPC have its weights and are
+    designed on this car near rest. No control law gets the steering or the lateral acceleration, and none weighs the
+    driver's seat, which is ahead of the CG. The baseline is the passive car: its springs and dampers alone. Comfort is
     that on the first profile of the course, and actuators are ideal, where nothing else is said."""
     yield Figure(
         "comfort-and-handling",
         "Roll in the lane change against comfort",
         "Down and left is better. Left: comfort of the driver's seat; right: of the CG, which the control laws weigh.",
-        [
-            Panel(
-                "",
-                METRICS[metric].heading,
-                METRICS["roll_peak"].heading,
-                [Series(name, [a[metric]], [b["roll_peak"] * DEG], mode="markers") for name, a, b in _both(study)],
-            )
-            for metric in ("iso2631_rms", "iso2631_rms_cg")
-        ],
+        [_roll_against(study, metric) for metric in ("iso2631_rms", "iso2631_rms_cg")],
         columns=2,
     )
     yield _law_table(study, "lane-change", "ideal")
-    for manoeuvre in LANE_CHANGES:
+    for manoeuvre in published.LANE_CHANGES:
         runs = {name: study.signals(controlled(c, manoeuvre)) for c, name in LAWS.items()}
-        curves = [curve(name, s, "roll", DEG) for name, s in runs.items()]
-        panel = Panel("", "time [s]", "roll angle [deg]", curves)
-        yield Figure(
-            f"roll-{manoeuvre}", f"Roll angle: {MANOEUVRES[manoeuvre].about}", "Positive: left side up.", [panel]
-        )
+        panels = over_time(runs, [("", "roll angle [deg]", "roll", DEG)])
+        title = f"Roll angle: {MANOEUVRES[manoeuvre].about}"
+        yield Figure(f"roll-{manoeuvre}", title, "Positive: left side up.", panels)
     rows = [{"control law": n, **_shown(study, controlled(c, "obstacle"), _HANDLING)} for c, n in LAWS.items()]
     yield Table.of("control-obstacle", "Obstacle avoidance", rows)
     rows = [
-        {
-            "control law": n,
-            **_shown(study, controlled(c, "step"), ("roll_gradient", "roll_peak", "yaw_gain", "response_time")),
-            "steering wheel at which all wheels of a side lift [deg]": _threshold(study.found(controlled_rollover(c))),
-        }
+        {"control law": n, **_shown(study, controlled(c, "step"), _TURNING)}
+        | {"steering wheel at which all wheels of a side lift [deg]": _threshold(study.found(controlled_rollover(c)))}
         for c, n in LAWS.items()
     ]
     yield Table.of("control-turns", "Step of the steering wheel, and J-turn", rows, _THRESHOLD)
@@ -174,10 +139,11 @@ def _suspension(study: Results) -> Content:
     stiffer springs. On this car, that LQR with cheap forces takes more stiffness than there is, and its forces go to
     their limits."""
     rows = [
-        {"control law": LAWS[c], "designed on": where, **_shown(study, made(c, "lane-change"), _HANDLING[:8])}
-        | _shown(study, made(c, "straight"), _COMFORT)
+        {"control law": LAWS[c], "designed on": where}
+        | _shown(study, controlled(c, "lane-change", design=design), _HANDLING[:8])
+        | _shown(study, controlled(c, "straight", design=design), _COMFORT)
         for c in REDESIGNED
-        for where, made in (("this car", controlled), ("the car of paper 001", designed_elsewhere))
+        for where, design in (("this car", "car"), ("the car of paper 001", "paper"))
     ]
     yield Table.of("control-designs", "LQR and MPC designed on this car and on that of the paper", rows)
 
@@ -186,24 +152,27 @@ def _shown(study: Results, case: Case, metrics: Iterable[str]) -> dict[str, str]
     return {METRICS[k].heading: METRICS[k].shown(study[case].get(k)) for k in metrics}
 
 
-def _both(study: Results) -> Iterator[tuple[str, Row, Row]]:
-    """Each control law with its metrics on the course and in the lane change."""
+def _roll_against(study: Results, metric: str) -> Panel:
+    """Roll in the lane change over a metric of comfort on the course, a point for each control law."""
+    points = []
     for c, name in LAWS.items():
-        yield name, study[controlled(c, "straight")], study[controlled(c, "lane-change")]
+        comfort, roll = study[controlled(c, "straight")][metric], study[controlled(c, "lane-change")]["roll_peak"]
+        points.append(Series(name, [comfort], [roll * DEG], mode="markers"))
+    return Panel("", METRICS[metric].heading, METRICS["roll_peak"].heading, points)
 
 
 def _law_table(study: Results, manoeuvre: str, actuators: str) -> Table:
     rows = [
         {"control law": name if actuators == "ideal" or c != "passive" else "pump off"}
         | _shown(study, controlled(c, manoeuvre, actuators), _HANDLING)
-        | _shown(study, controlled(c, HYDRAULIC[1], actuators), _COMFORT)
+        | _shown(study, controlled(c, "straight", actuators), _COMFORT)
         for c, name in LAWS.items()
     ]
     about = "Handling in the lane change; comfort straight ahead. Powers are those that all actuators give to the car."
     return Table.of(f"control-{actuators}", f"Comfort and handling, {actuators} actuators", rows, about)
 
 
-_THRESHOLD = f"To {CLOSE:g} deg; none: not up to {J_TURNS[-1]:g} deg, the tires slide before."
+_THRESHOLD = f"To {published.CLOSE:g} deg; none: not up to {published.J_TURNS[-1]:g} deg, the tires slide before."
 
 
 def _threshold(angle: float | None) -> str:
@@ -216,16 +185,10 @@ def _rollover(study: Results) -> Content:
     have lifted; a run that ends early has turned over."""
     curves = []
     for c in CARS:
-        runs = [t for t in j_turns(c) if "rollover" in study[t]]
-        curves.append(
-            Series(NAMES[c], [t.wheel_deg for t in runs], [study[t]["rollover"] for t in runs], mode="line+markers")
-        )
-    yield Figure(
-        "rollover",
-        "Rollover index over the angle of the steering wheel",
-        "J-turns.",
-        [Panel("", "steering wheel [deg]", "largest rollover index [-]", curves)],
-    )
+        index = {t.wheel_deg: study[t]["rollover"] for t in j_turns(c) if "rollover" in study[t]}
+        curves.append(Series(NAMES[c], [*index], [*index.values()], mode="line+markers"))
+    panel = Panel("", "steering wheel [deg]", "largest rollover index [-]", curves)
+    yield Figure("rollover", "Rollover index over the angle of the steering wheel", "J-turns.", [panel])
     rows = [{"car": NAMES[c], "steering wheel [deg]": _threshold(study.found(rollover(c)))} for c in CARS]
     yield Table.of("rollover-thresholds", "Smallest angle at which all wheels of a side lift", rows, _THRESHOLD)
 

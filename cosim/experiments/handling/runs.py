@@ -22,21 +22,11 @@ from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.handling import metrics
 from cosim.experiments.handling.design import DESIGNED, RIGID, designed_mpc, lqr_parameters
-from cosim.experiments.handling.metrics import (
-    delay,
-    follows_until,
-    load_transfer,
-    overshoot,
-    response_time,
-    rollover_index,
-    settled,
-    side_slip,
-    understeer_gradient,
-)
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.hmmwv.wiring import EXCHANGE, add_actuators, add_tracking
-from cosim.experiments.options import AtSpeed, speed_option, terrain_option
+from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option
 from cosim.experiments.ride import runs as ride
 from cosim.experiments.semi_active import runs as semi_active
 from cosim.study import Case as BaseCase
@@ -120,31 +110,22 @@ def _step(rise: float) -> tuple[tuple[float, float], ...]:
 
 
 _LANE = ((0, 0), (50, 0), (65, 0), (95, 3.5), (120, 3.5), (145, 0), (160, 0), (300, 0))
+_LANE_WIDTHS = ((1.1, 0.25), (1.2, 0.25), (1.3, 0.25))
 _OBSTACLE = ((0, 0), (50, 0), (62, 0), (75.5, 3.0), (86.5, 3.0), (99, 0), (111, 0), (300, 0))
+_OBSTACLE_WIDTHS = ((1.1, 0.25), (1.0, 1.0), (0.0, 3.0))
+_BRAKE = ((0.0, 0.0), (4.0, 0.0), (4.1, 0.3))
 MANOEUVRES = {
     "steady": Manoeuvre("slowly rising steering wheel at constant speed (ISO 4138)", WHEEL, 32.0, _step(30.0)),
     "step": Manoeuvre("step of the steering wheel (ISO 7401)", WHEEL, 6.0, _step(0.15)),
     "sine": Manoeuvre("one sine of the steering wheel, 0.5 Hz (ISO 7401)", WHEEL, 6.0, _sine(0.5)),
     "lane-change": Manoeuvre(
-        "double lane change with a driver (as ISO 3888-1)",
-        PEDALS,
-        12.0,
-        path=_LANE,
-        widths=((1.1, 0.25), (1.2, 0.25), (1.3, 0.25)),
+        "double lane change with a driver (as ISO 3888-1)", PEDALS, 12.0, path=_LANE, widths=_LANE_WIDTHS
     ),
     "obstacle": Manoeuvre(
-        "obstacle avoidance with a driver (as ISO 3888-2)",
-        PEDALS,
-        12.0,
-        path=_OBSTACLE,
-        widths=((1.1, 0.25), (1.0, 1.0), (0.0, 3.0)),
+        "obstacle avoidance with a driver (as ISO 3888-2)", PEDALS, 12.0, path=_OBSTACLE, widths=_OBSTACLE_WIDTHS
     ),
     "brake-in-turn": Manoeuvre(
-        "brakes while the steering wheel is held in a turn (as ISO 7975)",
-        PEDALS,
-        7.0,
-        _step(0.3),
-        ((0.0, 0.0), (4.0, 0.0), (4.1, 0.3)),
+        "brakes while the steering wheel is held in a turn (as ISO 7975)", PEDALS, 7.0, _step(0.3), _BRAKE
     ),
     "sine-with-dwell": Manoeuvre("sine of 0.7 Hz that dwells for 0.5 s (as ISO 19365)", PEDALS, 6.0, _sine(0.7, 0.5)),
     "straight": Manoeuvre("straight ahead at constant speed: comfort", KEEP, 12.0),
@@ -162,23 +143,13 @@ class Case(AtSpeed, BaseCase):
     car: str = option("hmmwv", choices=CARS, help="car", always=True)
     manoeuvre: str = option("lane-change", choices=MANOEUVRES, help="manoeuvre", always=True)
     speed_kmh: float = speed_option(60.0, (10, 150), "speed at the start")
-    wheel_deg: float = option(
-        45.0,
-        name="wheel",
-        unit="deg",
-        within=(-720, 720),
-        only=_OPEN,
-        label="{:g}deg",
-        help="largest angle of the steering wheel, positive left",
+    wheel_deg: float = quantity(
+        "wheel [deg]", 45.0, (-720, 720), "largest angle of the steering wheel, positive left", _OPEN
     )
     road: str = option("flat", choices=ROADS, help="flat, random (ISO 8608), or an RMS course of the study ride")
     terrain: str = terrain_option("C", CLASSES, "the random road", (lambda c: c.road == "iso8608", "the random road"))
-    seed: int = option(
-        1,
-        within=(1, SEEDS),
-        only=(lambda c: c.road in COURSES, "the RMS courses"),
-        label="seed{}",
-        help="profile of an RMS course",
+    seed: int = quantity(
+        "seed", 1, (1, SEEDS), "profile of an RMS course", (lambda c: c.road in COURSES, "the RMS courses"), "seed{}"
     )
     controller: str = option("passive", choices=CONTROLLERS, help="control law of the suspension")
     design: str = option(
@@ -320,22 +291,18 @@ def table(manoeuvre: Manoeuvre, amplitude: float) -> dict[str, Array]:
     return {"time": time, "steering.wheel": amplitude * wheel, "brake": brake}
 
 
-def _parameter(system: System, name: str) -> float:
-    return float(system["car"].start(name))
-
-
 def steering_ratio(system: System) -> float:
     """Angle of the steering wheel per steer angle."""
-    return _parameter(system, "steering.ratio")
+    return float(system["car"].start("steering.ratio"))
 
 
 def axles(system: System) -> tuple[float, float]:
     """Position of the front and the rear axle ahead of the CG [m]."""
-    if "body.wheelbase" in system["car"].description.parameters:
-        base, part = _parameter(system, "body.wheelbase"), _parameter(system, "body.cg_position")
+    car = system["car"]
+    if "body.wheelbase" in car.description.parameters:
+        base, part = float(car.start("body.wheelbase")), float(car.start("body.cg_position"))
         return base * part, base * (part - 1.0)
-    front, rear = (_parameter(system, f"suspension.{axle}.wheel[1]") for axle in ("front", "rear"))
-    return front, rear
+    return float(car.start("suspension.front.wheel[1]")), float(car.start("suspension.rear.wheel[1]"))
 
 
 def wheelbase(system: System) -> float:
@@ -420,21 +387,15 @@ def _signals(run: Run) -> dict[str, Array]:
     found = {
         "time": r.time,
         "wheel": r["car.steering.wheel" if run.case.driven else "driver.steering.wheel"],
-        "yaw_rate": r["car.body.yaw_rate"],
-        "ax": r["car.body.ax"],
-        "ay": r["car.body.ay"],
-        "roll": r["car.body.roll"],
-        "roll_rate": r["car.body.roll_rate"],
-        "slip": side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
-        "transfer_front": load_transfer(load["fl"], load["fr"]),
-        "transfer_rear": load_transfer(load["rl"], load["rr"]),
-        "rollover": rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
-        "speed": r["car.speed"],
-        "x": r["car.x"],
-        "y": r["car.y"],
+        **{n: r[f"car.body.{n}"] for n in ("yaw_rate", "ax", "ay", "roll", "roll_rate")},
+        "slip": metrics.side_slip(r["car.body.vx"], r["car.body.vy"], r["car.body.yaw"]),
+        "transfer_front": metrics.load_transfer(load["fl"], load["fr"]),
+        "transfer_rear": metrics.load_transfer(load["rl"], load["rr"]),
+        "rollover": metrics.rollover_index(load["fl"] + load["rl"], load["fr"] + load["rr"]),
+        **{n: r[f"car.{n}"] for n in ("speed", "x", "y")},
     }
     steady = run.case.manoeuvre == "steady"
-    end = follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
+    end = metrics.follows_until(found["ay"], found["yaw_rate"], found["speed"]) if steady else len(r.time)
     return {n: v[:end] for n, v in found.items()}
 
 
@@ -446,17 +407,9 @@ def measure(run: Run) -> Row:
     as the car follows its circle (`follows_until`).
     """
     s, r = _signals(run), run.recording
-    row: Row = {
-        "ay_peak": peak(s["ay"]),
-        "yaw_rate_peak": peak(s["yaw_rate"]),
-        "slip_peak": peak(s["slip"]),
-        "roll_peak": peak(s["roll"]),
-        "roll_rate_peak": peak(s["roll_rate"]),
-        "transfer_front": peak(s["transfer_front"]),
-        "transfer_rear": peak(s["transfer_rear"]),
-        "rollover": peak(s["rollover"]),
-        "speed_end": float(s["speed"][-1]),
-    }
+    row: Row = {f"{n}_peak": peak(s[n]) for n in ("ay", "yaw_rate", "slip", "roll", "roll_rate")}
+    row |= {n: peak(s[n]) for n in ("transfer_front", "transfer_rear", "rollover")}
+    row["speed_end"] = float(s["speed"][-1])
     if "car.actuator.fl.power" in r:
         force = columns(r, force_name(run.case), CORNERS)
         power = sum(r[f"car.actuator.{k}.power"] for k in CORNERS)
@@ -474,24 +427,24 @@ def failed(_: Case, error: Exception) -> Row:
 
 def _steady(run: Run, s: dict[str, Array]) -> Row:
     steer = s["wheel"] / steering_ratio(run.system)
-    k = understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
+    k = metrics.understeer_gradient(steer, s["yaw_rate"], s["speed"], s["ay"], wheelbase(run.system))
     return {"circle_end": float(s["time"][-1])} | ({"understeer": k} if np.isfinite(k) else {})
 
 
 def _stepped(_: Run, s: dict[str, Array]) -> Row:
-    wheel = settled(s["wheel"])
+    wheel, yaw_rate, ay, roll = (metrics.settled(s[n]) for n in ("wheel", "yaw_rate", "ay", "roll"))
     found = {
-        "yaw_gain": settled(s["yaw_rate"]) / wheel,
-        "ay_gain": settled(s["ay"]) / wheel,
-        "response_time": response_time(s["time"], s["wheel"], s["yaw_rate"]),
-        "overshoot": overshoot(s["yaw_rate"]),
-        "roll_gradient": settled(s["roll"]) / settled(s["ay"]),
+        "yaw_gain": yaw_rate / wheel,
+        "ay_gain": ay / wheel,
+        "response_time": metrics.response_time(s["time"], s["wheel"], s["yaw_rate"]),
+        "overshoot": metrics.overshoot(s["yaw_rate"]),
+        "roll_gradient": roll / ay,
     }
     return {n: v for n, v in found.items() if np.isfinite(v)}
 
 
 def _sines(_: Run, s: dict[str, Array]) -> Row:
-    return {f"{of}_delay": delay(s["time"], s["wheel"], s[n]) for of, n in (("yaw", "yaw_rate"), ("ay", "ay"))}
+    return {f"{of}_delay": metrics.delay(s["time"], s["wheel"], s[n]) for of, n in (("yaw", "yaw_rate"), ("ay", "ay"))}
 
 
 def _followed(run: Run, _: dict[str, Array]) -> Row:

@@ -9,7 +9,8 @@ from math import ceil, radians
 import numpy as np
 
 from cosim.experiments.handling.runs import MANOEUVRES, METRICS, NAMES, PEDALS, WHEEL, Case, Manoeuvre
-from cosim.export.web.page import Control, Drive, Measure, WebPage
+from cosim.experiments.page_parts import shown_as
+from cosim.export.web.page import Control, Drive, WebPage
 from cosim.scenes.scene import Cone, Reading, Scene, Value
 from cosim.study.web import Live, LiveCase
 from fmu_sources.models.corners import CORNERS
@@ -42,9 +43,6 @@ def live(case: Case) -> Live:
         LiveCase(NAMES[base.car], replace(base, manoeuvre=m), group=words, staged=_staged(MANOEUVRES[m]))
         for m, words in COURSES.items()
     ]
-    measures = [
-        Measure(METRICS[k].text, [f"car.{n}"], "peak", METRICS[k].unit, METRICS[k].factor) for k, n in _AXES.items()
-    ]
     page = WebPage(
         "Drive a full car between cones",
         "A nonlinear full car, with steering wheel, throttle and brake, is yours: drive it through the lane changes of"
@@ -64,7 +62,7 @@ def live(case: Case) -> Live:
             Control("speed at the start", ["car.target.speed"], SLOWEST / 3.6, FASTEST / 3.6),
         ],
         plots=["car.steering.wheel", "car.body.ay", "car.body.yaw_rate"],
-        measures=measures,
+        measures=[shown_as(METRICS[k], [f"car.{n}"]) for k, n in _AXES.items()],
         group_label="course",
     )
     return Live(page, cases)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,9 +28,10 @@ class Averages:
     results: Results
     refined: bool = False
 
-    def ran(self, case: Case) -> bool:
-        """Whether all runs of a case have a result."""
-        return set(places(case)) <= set(self.results.ran)
+    @property
+    def finer(self) -> Averages:
+        """These results with half the steps."""
+        return Averages(self.results, refined=True)
 
     def runs(self, case: Case) -> list[Row]:
         """Metrics at every place of a case.
@@ -39,9 +40,8 @@ class Averages:
             KeyError: it was not run.
             RunFailed: one of them failed.
         """
-        return [
-            self.results[finer(run) if self.refined and finer(run) in self.results else run] for run in places(case)
-        ]
+        fine = {run: finer(run) for run in places(case) if self.refined and finer(run) in self.results}
+        return [self.results[fine.get(run, run)] for run in places(case)]
 
     def mean(self, key: str, case: Case) -> float:
         """Mean of a metric over the places of a case."""
@@ -65,6 +65,11 @@ class Averages:
             raise ValueError(f"{above.label} has {len(tops)} variants, {below.label} {len(bottoms)}")
         pairs = zip(tops * (count // len(tops)), bottoms * (count // len(bottoms)), strict=True)
         return Distribution((a / b if b else math.inf if a else math.nan for a, b in pairs), of=VARIANTS[above.road])
+
+    def gain(self, case: Case, others: Iterable[Case], key: str = "absorbed_power") -> Distribution:
+        """Reduction [%] of a metric from the lowest of other cases, place by place. 0 over 0 is NaN."""
+        each = [self.ratio(case, other, key).values for other in others]
+        return Distribution((100 * (1 - max(r)) for r in zip(*each, strict=True)), of=VARIANTS[case.road])
 
     def power(self, case: Case) -> float:
         """Absorbed power [W], the published figure: median over the places of a case."""

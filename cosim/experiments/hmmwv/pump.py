@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any
 
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
-from cosim.experiments.hmmwv.claims import STATEMENTS
+from cosim.experiments.hmmwv.claims import SENTENCES
 from cosim.experiments.hmmwv.published import ACTIVE, PUBLISHED, PUMP, SHARED, SIDE_VARIANTS, WITHOUT_LIMIT
 from cosim.experiments.hmmwv.runs import ROADS, Case
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, conditions, need
@@ -57,11 +57,11 @@ def section(study: Averages) -> Content:
 
 def _needed(study: Averages, at_pump: str) -> Table:
     rows = []
-    for found in filter(None, (need(study, s) for s in STATEMENTS.values())):
+    for found in filter(None, (need(study, s) for parts in SENTENCES.values() for s in parts)):
         s, at = found.statement, found.smallest
         figures = [s.figures(study, c) for c in (PUMP, WITHOUT_LIMIT)]
         shown = [s.incomparable(f) or f"{s.form.format(f.median)} {s.unit}" for f in figures]
-        driven = at and at(Case(s.road, s.controllers[-1]))
+        driven = at and at(Case(s.road, s.of))
         rows.append(
             {
                 "statement": f"{ROAD_NAMES[s.road]}: {s.claim}",

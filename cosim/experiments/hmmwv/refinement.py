@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.published import PUMP, finer, places, published_cases
@@ -14,49 +14,34 @@ from cosim.report import Table
 from cosim.study import Content
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """Absorbed power [W] at the first place of a case: as in the study, with finer solvers, finer exchange, and both.
+def refinements(study: Averages) -> dict[Case, float]:
+    """The largest change [%] of the absorbed power with half of all steps, over all places of each case of the claims.
 
-    `changes`: [%] when both are halved, at every place.
+    Cases are left out whose runs the study does not have.
     """
-
-    case: Case
-    power: float
-    solver: float | None
-    exchange: float | None
-    both: float
-    changes: tuple[float, ...]
-
-    @property
-    def change(self) -> float:
-        """The largest of the changes [%]."""
-        return max(self.changes, key=abs)
-
-
-def refinements(study: Averages) -> list[Refinement]:
-    """Every case of the claims, and what finer steps make of it."""
-
-    def power(run: Case) -> float | None:
-        return float(study.results[run]["absorbed_power"]) if run in study.results else None
-
-    found = []
+    found = {}
     for case in published_cases():
-        runs = places(case)
-        pairs = [(power(run), power(finer(run))) for run in runs]
-        whole = [(base, both) for base, both in pairs if base is not None and both is not None]
-        if len(whole) == len(pairs):
-            solver, exchange = (power(halved(runs[0])[what]) for what in ("solver step", "communication step"))
-            changes = tuple(100 * (both / base - 1) for base, both in whole)
-            found.append(Refinement(case, whole[0][0], solver, exchange, whole[0][1], changes))
+        if all(run in study.results for place in places(case) for run in (place, finer(place))):
+            powers = zip(*([row["absorbed_power"] for row in s.runs(case)] for s in (study, study.finer)), strict=True)
+            found[case] = max((100 * (fine / coarse - 1) for coarse, fine in powers), key=abs)
     return found
+
+
+def largest_change(changes: Mapping[Case, float]) -> tuple[Case, float]:
+    """The case of the largest change, and that."""
+    return max(changes.items(), key=lambda change: abs(change[1]))
 
 
 def section(study: Averages, undecided: list[str]) -> Content:
     """Table and words of a report; `undecided`: ids of claims whose verdict changes."""
-    every = refinements(study)
-    worst = max(every, key=lambda r: abs(r.change))
-    where = [ROAD_NAMES[worst.case.road], NAMES[worst.case.controller], *[PUMP.words(study)] * worst.case.flow_limit]
+
+    def power(run: Case) -> float | None:
+        """Absorbed power [W]; None for a run that the study leaves out."""
+        return round(study.results[run]["absorbed_power"], 4) if run in study.results else None
+
+    changes = refinements(study)
+    worst, largest = largest_change(changes)
+    where = [ROAD_NAMES[worst.road], NAMES[worst.controller], *[PUMP.words(study)] * worst.flow_limit]
     verdicts = (
         f"The verdict on {', '.join(undecided)} changes with that, so it is given as open."
         if undecided
@@ -65,20 +50,20 @@ def section(study: Averages, undecided: list[str]) -> Content:
     yield f"""Car and actuators exchange values every {1e3 * EXCHANGE:g} ms and integrate with steps of their own, 0.5
     ms and 0.25 ms at most. Every case that a claim rests on was run again, at every place of the bump and on every
     stretch, with an exchange every {1e3 * EXCHANGE / 2:g} ms and solver steps divided by 2. The largest change is
-    {worst.change:+.2f} % ({", ".join(where)}). All claims were judged once more by these runs. {verdicts}"""
+    {largest:+.2f} % ({", ".join(where)}). All claims were judged once more by these runs. {verdicts}"""
     limited = PUMP.words(study)
     rows = [
         {
-            "road": ROAD_NAMES[r.case.road],
-            "controller": NAMES[r.case.controller],
-            "pump": limited if r.case.flow_limit else "no limit" if r.case.controller != "passive" else "off",
-            "steps of all other tables [W]": round(r.power, 4),
-            "solver steps halved [W]": None if r.solver is None else round(r.solver, 4),
-            "communication step halved [W]": None if r.exchange is None else round(r.exchange, 4),
-            "both halved [W]": round(r.both, 4),
-            "largest change by both [%]": round(r.change, 2),
+            "road": ROAD_NAMES[case.road],
+            "controller": NAMES[case.controller],
+            "pump": limited if case.flow_limit else "no limit" if case.controller != "passive" else "off",
+            "steps of all other tables [W]": power(first),
+            **{f"{what}{'s' * (what == 'solver step')} halved [W]": power(c) for what, c in halved(first).items()},
+            "both halved [W]": power(finer(first)),
+            "largest change by both [%]": round(change, 2),
         }
-        for r in every
+        for case, change in changes.items()
+        for first in places(case)[:1]
     ]
     yield Table.of(
         "refinement",

@@ -11,9 +11,9 @@ from cosim.experiments.hmmwv import EXPERIMENT, published, pump, refinement
 from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
 from cosim.experiments.hmmwv.claims import CLAIMS, PREVIEW_GAIN, SENTENCES, unsettled
 from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
-from cosim.experiments.hmmwv.published import ERRORS_MS, LENGTHS, PUBLISHED, PUMP, WITHOUT_LIMIT, estimated
+from cosim.experiments.hmmwv.published import ERRORS_MS, LENGTHS, PUBLISHED, PUMP, estimated
 from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, SHIFTS, STRETCHES, TRAVEL_LIMIT, Case
-from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, gain, roughness_range
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, roughness_range
 from cosim.experiments.hmmwv.tracking.report import section as tracking_section
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, SPEED_KMH
 from cosim.report import Figure, Panel, Parameter, Result, Series, Table, bars, curve, level
@@ -53,7 +53,7 @@ def _reproduced(study: Averages, claims: Any) -> list[Result]:
     return [
         Result(
             f"statements on the controlled car reproduced in full, {at.words(study)}",
-            sum(found[p.id].conditions[i].verdict == "reproduced" for p in SENTENCES),
+            sum(found[id].conditions[i].verdict == "reproduced" for id in SENTENCES),
             f"of {len(SENTENCES)}",
         )
         for i, at in enumerate(published.CONDITIONS)
@@ -153,7 +153,7 @@ def _power_panel(study: Averages, road: str, controllers: tuple[str, ...]) -> Pa
 
 @report.section("Test track")
 def _test_track(study: Averages) -> Content:
-    ahead = gain("track", "mpc", published.WITHOUT_PREVIEW)(study, WITHOUT_LIMIT)
+    ahead = study.gain(Case("track", "mpc"), [Case("track", c) for c in published.WITHOUT_PREVIEW])
     yield f"""Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force remove the damping of the closed
     cylinders. MPC is {ahead.median:.0f} % below the best of them; the paper calls it slightly better.
 
@@ -213,35 +213,31 @@ def _off_road(study: Averages) -> Content:
     )
 
 
+def _displaced(ms: float) -> Case:
+    return Case("bump", "mpc-preview", preview_error_ms=ms)
+
+
 @report.section("Preview")
 def _preview(study: Averages) -> Content:
     base = study.power(Case("bump", "mpc"))
-    taken = gain("bump", "mpc-preview", ("mpc",))(study, WITHOUT_LIMIT)
-    lengths = [0, *LENGTHS]
-    by_length = [base, *(study.power(Case("bump", "mpc-preview", preview_steps=n)) for n in LENGTHS)]
-    errors = [
-        study.distribution("absorbed_power", Case("bump", "mpc-preview", preview_error_ms=ms)) for ms in ERRORS_MS
-    ]
-    by_error = dict(zip(ERRORS_MS, (d.median for d in errors), strict=True))
+    taken = study.gain(Case("bump", "mpc-preview"), [Case("bump", "mpc")])
+    by_length = {0: base} | {n: study.power(Case("bump", "mpc-preview", preview_steps=n)) for n in LENGTHS}
+    errors = {ms: study.distribution("absorbed_power", _displaced(ms)) for ms in ERRORS_MS}
     meters = [1e-3 * ms * SPEED_KMH / 3.6 for ms in ERRORS_MS]
     most, least = (base * (1 - edge / 100) for edge in (PREVIEW_GAIN.low, PREVIEW_GAIN.high))
-    inside, worse = (
-        ", ".join(f"{ms:+d}" for ms, p in by_error.items() if holds(p))
-        for holds in (lambda p: least <= p <= most, lambda p: p > base)
-    )
-    enough = next((n for n, p in zip(lengths, by_length, strict=True) if p <= 1.1 * by_length[-1]), lengths[-1])
+    inside = ", ".join(f"{ms:+d}" for ms, found in errors.items() if least <= found.median <= most)
+    worse = ", ".join(f"{ms:+d}" for ms, found in errors.items() if found.median > base)
+    longest = max(by_length)
+    enough = next((n for n, power in by_length.items() if power <= 1.1 * by_length[longest]), longest)
     span = f"{PREVIEW_GAIN.low:g} to {PREVIEW_GAIN.high:g} %"
-    grows = (
-        f"that it shows to grow along the track. Of those tried, {inside} ms leave {span} (positive: the preview shows"
-        " the bump too late)"
-        if inside
-        else f"that it shows to grow along the track; none that was tried leaves {span}"
-    )
+    late = f". Of those tried, {inside} ms leave {span} (positive: the preview shows the bump too late)"
     yield f"""Preview takes {taken.median:.0f} % off the absorbed power over one 76 mm bump, the paper measured 15 %. A
-    preview of {enough} steps of {1e3 * CONTROL_PERIOD:.0f} ms is within 10 % of one of {lengths[-1]}.
+    preview of {enough} steps of {1e3 * CONTROL_PERIOD:.0f} ms is within 10 % of one of {longest}.
 
     The paper's preview was generated: a known profile at a distance that the car integrates from its speed, with an
-    error {grows}{f"; at {worse} ms it is worse than none" if worse else ""}.
+    error that it shows to grow along the track{late if inside else f"; none that was tried leaves {span}"}{
+        f"; at {worse} ms it is worse than none" if worse else ""
+    }.
     {"The measurements of the paper fit a misplaced preview." if inside else ""}"""
     yield Figure(
         "figure-1-11",
@@ -250,13 +246,13 @@ def _preview(study: Averages) -> Content:
         [_power_panel(study, "bump", PUBLISHED)],
     )
     look: dict[str, Any] = {"color": "green", "mode": "line+markers"}
-    low, high = ([getattr(d, edge) for d in errors] for edge in ("low", "high"))
+    middle, low, high = ([getattr(d, at) for d in errors.values()] for at in ("median", "low", "high"))
     by_position = [
-        Series("MPC with displaced preview", meters, [*by_error.values()], low, high, **look),
+        Series("MPC with displaced preview", meters, middle, low, high, **look),
         level("without preview", meters, base, color="vermilion"),
         level("15 % better", meters, 0.85 * base, low=[least] * 2, high=[most] * 2, color="black", dash="dash"),
     ]
-    known = [Series("MPC by length of preview", lengths, by_length, **look)]
+    known = [Series("MPC by length of preview", [*by_length], [*by_length.values()], **look)]
     yield Figure(
         "preview-length-and-error",
         "Length and position error of the preview, one 76 mm bump",
@@ -275,7 +271,7 @@ def _preview(study: Averages) -> Content:
             "absorbed power [W]": round(p, 2),
             "share of MPC without preview [%]": round(100 * p / base, 0),
         }
-        for (ms, p), m in zip(by_error.items(), meters, strict=True)
+        for ms, p, m in zip(errors, middle, meters, strict=True)
     )
     yield Table.of("preview-error", "Position error of the preview, one 76 mm bump", rows, OF_MEDIANS)
 
@@ -288,17 +284,10 @@ def _estimates(study: Averages) -> Content:
     rows = []
     for road, c in product(ROADS, published.ESTIMATED):
         true, found = study.power(Case(road, c)), study.power(estimated(c, road))
+        row: dict[str, Any] = {"road": ROAD_NAMES[road], "controller": NAMES[c], "true states [W]": round(true, 2)}
+        row |= {"estimated states [W]": round(found, 2), "difference [%]": round(100 * (found / true - 1), 1)}
         sensed = round(study.power(estimated(c, road, sensed=True)), 2) if c == "mpc-preview" else None
-        rows.append(
-            {
-                "road": ROAD_NAMES[road],
-                "controller": NAMES[c],
-                "true states [W]": round(true, 2),
-                "estimated states [W]": round(found, 2),
-                "difference [%]": round(100 * (found / true - 1), 1),
-                "with sensed preview [W]": sensed,
-            }
-        )
+        rows.append({**row, "with sensed preview [W]": sensed})
     yield Table.of("estimates", "Absorbed power with true and with estimated states", rows, OF_MEDIANS)
 
 
@@ -339,7 +328,7 @@ def _assumptions(study: Averages) -> Content:
     yield Table.of("tires-and-friction", title, options)
 
 
-report.section("Refinement of the steps")(lambda study: refinement.section(study, unsettled(study.results)))
+report.section("Refinement of the steps")(lambda study: refinement.section(study, unsettled(study)))
 
 
 @report.section("Differences from the paper")

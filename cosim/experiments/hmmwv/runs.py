@@ -12,24 +12,9 @@ import numpy as np
 from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import columns, peak, rms
-from cosim.experiments.hmmwv.wiring import (
-    BUMPS,
-    CONTROL_PERIOD,
-    EXCHANGE,
-    FIRST_BUMP,
-    LITRES_PER_MINUTE,
-    SIGNAL_POINTS,
-    SPEED_KMH,
-    SPEEDS,
-    add_actuators,
-    add_car,
-    add_preview_chain,
-    add_sensors,
-    add_tracking,
-    bump_parameters,
-    published,
-)
-from cosim.experiments.options import AtSpeed, speed_option, terrain_option, tunable_option
+from cosim.experiments.hmmwv import wiring
+from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, FIRST_BUMP, LITRES_PER_MINUTE, SPEED_KMH, published
+from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option, tunable_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
@@ -56,7 +41,7 @@ PREVIEWS = ("generated", "sensed")  # a known profile at the distance traveled, 
 PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
 PLANT = "RideCarHmmwv"
 FMUS = (
-    *SPEEDS.values(),
+    *wiring.SPEEDS.values(),
     *dict.fromkeys(ROADS.values()),
     PLANT,
     "RideComfort",
@@ -115,46 +100,31 @@ class Case(AtSpeed, Stepped):
         label="{}steps",
         help="heights ahead that mpc-preview gets, 30 ms apart",
     )
-    preview_error_ms: float = option(
-        0.0,
-        name="preview-error",
-        unit="ms",
-        within=(-200, 200),
-        only=_PREVIEW,
-        label="{:+g}ms",
-        help="the preview shows the road this much too late",
+    preview_error_ms: float = quantity(
+        "preview error [ms]", 0.0, (-200, 200), "the preview shows the road this much too late", _PREVIEW, "{:+g}ms"
     )
     flow_limit: bool = option(False, only=_HYDRAULIC, help="limit the pump's flow to each actuator")
     friction: bool = option(False, help="dry friction in the suspensions")
-    pump_l_min: float | None = option(
+    pump_l_min: float | None = quantity(
+        "pump [l/min]",
         None,
-        name="pump",
-        unit="l/min",
-        within=(1, 1000),
-        only=_LIMITED,
-        label="{:g}lmin",
-        help="flow of the pump to each actuator; by default as in the actuator's FMU",
+        (1, 1000),
+        "flow of the pump to each actuator; by default as in the actuator's FMU",
+        _LIMITED,
     )
     shared_pump: bool = option(
         False, only=_LIMITED, help="four actuators share the pump: each gets a quarter of its flow"
     )
     lift_off: bool = option(True, help="tires lift off the road instead of taking tension")
-    null_opening_mm: float | None = option(
+    null_opening_mm: float | None = quantity(
+        "null opening [mm]",
         None,
-        name="null-opening",
-        unit="mm",
-        within=(0.01, 50),
-        only=_HYDRAULIC,
-        label="{:g}mm",
-        help="opening of a valve without power; by default as in the actuator's FMU",
+        (0.01, 50),
+        "opening of a valve without power; by default as in the actuator's FMU",
+        _HYDRAULIC,
     )
-    density: float | None = option(
-        None,
-        unit="kg/m3",
-        within=(100, 10000),
-        only=_HYDRAULIC,
-        label="{:g}kgm3",
-        help="density of the hydraulic fluid",
+    density: float | None = quantity(
+        "density [kg/m3]", None, (100, 10000), "density of the hydraulic fluid", _HYDRAULIC
     )
     terrain: str = terrain_option("E", CLASSES, "the road profile", _OFF_ROAD)
     tunable: bool = tunable_option((lambda c: c.controller in PREDICTIVE, "the controllers mpc and mpc-preview"))
@@ -214,9 +184,9 @@ class Case(AtSpeed, Stepped):
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    kept = ["speed_kmh", "variant", "friction", "lift_off", "null_opening_mm", "density", "terrain", "driven"]
-    kept += ["duration", "solver_parts", "exchange_parts"]
-    return Case(case.road, "passive", **{name: getattr(case, name) for name in kept})
+    of_controllers = ("actuators", "states", "preview", "preview_steps", "preview_error_ms", "tunable")
+    of_pumps = ("flow_limit", "pump_l_min", "shared_pump")
+    return replace(case, controller="passive", **{name: getattr(Case, name) for name in (*of_controllers, *of_pumps)})
 
 
 def without_actuators(case: Case) -> Case:
@@ -266,24 +236,15 @@ def over_variants(case: Case, count: int | None = None) -> list[Case]:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return (
-        case.road,
-        case.controller,
-        case.actuators,
-        case.states,
-        case.preview,
-        case.preview_error_ms != 0,
-        case.driven,
-        case.tunable,
-        case.exchange_parts,
-    )
+    names = ("road", "controller", "actuators", "states", "preview", "driven", "tunable", "exchange_parts")
+    return (*(getattr(case, name) for name in names), case.preview_error_ms != 0)
 
 
 def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
     """The vehicle of a case: road, car, actuators with their force tracking, controller, and `comfort`."""
     system = System()
-    step = exchange_step(EXCHANGE, case)
-    add_car(system, fmus, ROADS[case.road], step=step, driven=case.driven)
+    step = exchange_step(wiring.EXCHANGE, case)
+    wiring.add_car(system, fmus, ROADS[case.road], step=step, driven=case.driven)
     if comfort:
         system.add("comfort", fmus.path("RideComfort"))
         system.connect_matching("car", "comfort", "body.az")
@@ -297,9 +258,9 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
             system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
     else:
         driven = case.controller != "passive"
-        add_actuators(system, fmus, driven=driven, step=step)
+        wiring.add_actuators(system, fmus, driven=driven, step=step)
         if driven:
-            add_tracking(system, fmus, requested=controller is not None)
+            wiring.add_tracking(system, fmus, requested=controller is not None)
     if case.states == "estimated":
         _wire_estimator(system, fmus)
     if controller is not None:
@@ -311,7 +272,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
 
 def _wire_estimator(system: System, fmus: FmuSet) -> None:
     """Sensors on car, actuators and road, and the Kalman filter downstream of them."""
-    add_sensors(system, fmus)
+    wiring.add_sensors(system, fmus)
     system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
     system.connect_matching("sensors", "kalman")
     system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
@@ -326,7 +287,7 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
     source = "road"
     if case.preview == "sensed":
         source = "buffer"
-        add_preview_chain(system, fmus)
+        wiring.add_preview_chain(system, fmus)
         system["kalman"].set({"use_road": True})
     elif case.separate_map:
         source = "map"
@@ -385,7 +346,7 @@ def configure(system: System, case: Case) -> None:
             system[name].set({**profile, "flat": FLAT, "ramp": RAMP})
         else:
             shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
-            system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
+            system[name].set(wiring.bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
     if case.controller == "mpc-preview":
         system["controller"].set({"preview.used": case.preview_steps})
     if "sensors" in system.components:
@@ -495,10 +456,8 @@ def measure(run: Run) -> Row:
         "force_peak": peak(force),
     }
     if "controller.solver.status" in r:
-        row |= {
-            "solver_failures": int((r["controller.solver.status"] != 0).sum()),
-            "solver_residual": float(r["controller.solver.residual"].max()),
-        }
+        row["solver_failures"] = int((r["controller.solver.status"] != 0).sum())
+        row["solver_residual"] = float(r["controller.solver.residual"].max())
     if case.actuators == "hydraulic":
         flow = np.abs(columns(r, "actuator_{}.flow", CORNERS)).sum(axis=1) * LITRES_PER_MINUTE
         window = np.convolve(flow, np.ones(int(RATE)) / RATE)[: len(flow)]
@@ -510,8 +469,7 @@ def measure(run: Run) -> Row:
             "power_mean": float(columns(r, "actuator_{}.power", CORNERS).sum(axis=1)[counts].mean()),
         }
         if case.controller != "passive":
-            error = force - columns(r, "tracking_{}.force.smoothed", CORNERS)[counts]
-            row["tracking_error_rms"] = rms(error)
+            row["tracking_error_rms"] = rms(force - columns(r, "tracking_{}.force.smoothed", CORNERS)[counts])
             row["saturation"] = float(columns(r, "tracking_{}.valve.saturated", CORNERS)[counts].mean())
     return row
 
@@ -533,5 +491,5 @@ def signals(run: Run) -> Row:
     r = run.recording
     shown = {name: r[column] for name, column in SIGNALS.items() if column in r}
     shown["power_window"] = absorbed_power_window(r["car.body.az"], RATE)
-    kept = peak_index([v for name, v in shown.items() if name != "x"], SIGNAL_POINTS)
+    kept = peak_index([v for name, v in shown.items() if name != "x"], wiring.SIGNAL_POINTS)
     return {name: [float(f"{x:.6g}") for x in signal[kept]] for name, signal in shown.items()}

@@ -6,7 +6,7 @@ A published sentence is judged under both conditions of the pump, and on each of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -23,7 +23,7 @@ from cosim.experiments.hmmwv.published import (
     Condition,
 )
 from cosim.experiments.hmmwv.runs import Case
-from cosim.study import Band, Distribution, Finding, Results, RunFailed
+from cosim.study import Band, Distribution, Finding, RunFailed
 from cosim.study.claims import all_of, under_conditions
 from cosim.study.judges import SIDES
 from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
@@ -68,11 +68,6 @@ class Statement:
     nothing: str = ""
 
     @property
-    def controllers(self) -> tuple[str, ...]:
-        """Whose runs it needs (and the passive car's)."""
-        return (*self.to, self.of)
-
-    @property
     def claim(self) -> str:
         """What it says."""
         return self.text.format_map(self.words)
@@ -104,9 +99,10 @@ class Statement:
             return study.distribution("absorbed_power", own)
         if self.figure == "times":
             return study.ratio(Case(self.road, "passive"), own)
+        others = [at(Case(self.road, c)) for c in self.to]
         if self.figure == "gain":
-            return gain(self.road, self.of, self.to, self.quantity)(study, at)
-        each = [study.ratio(at(Case(self.road, c)), own).values for c in self.to]
+            return study.gain(own, others, self.quantity)
+        each = [study.ratio(other, own).values for other in others]
         furthest = (max((100 * (r - 1) for r in rs), key=abs) for rs in zip(*each, strict=True))
         return Distribution(furthest, of=VARIANTS[self.road])
 
@@ -122,67 +118,38 @@ class Statement:
             return False
         return found.everywhere(self.side)
 
-    @property
-    def opening(self) -> _Opening | None:
-        """The spools' opening, if the figure depends on it."""
-        return _Opening(self.road, self.of, self.band) if self.chosen == "opening" and self.band else None
+    # What was chosen with published figures in view.
 
-    def fitted(self, study: Averages, at: Condition) -> str:
-        """What was chosen with published figures in view."""
-        texts = [self.opening.text(study, at)] if self.opening else []
-        if self.chosen == "terrain":
-            texts = [_terrain(study, at), "so is the null opening of the unpowered spool" * (self.of == "passive")]
-        return "; ".join(filter(None, [*texts, _reading(self.reading or (self.of if self.chosen else ""))]))
+    def decided_by_opening(self, ratios: Iterable[float]) -> bool:
+        """Whether one of `over_openings` is in the band and another one out of it."""
+        return self.band is not None and len({r in self.band for r in ratios}) > 1
 
-
-def gain(
-    road: str, controller: str, others: Sequence[str], key: str = "absorbed_power"
-) -> Callable[[Averages, Condition], Distribution]:
-    """Reduction [%] of a controller's metric from the lowest of the others, place by place; 0 over 0 is NaN."""
-
-    def found(study: Averages, at: Condition) -> Distribution:
-        each = [study.ratio(at(Case(road, controller)), at(Case(road, o)), key).values for o in others]
-        return Distribution((100 * (1 - max(r)) for r in zip(*each, strict=True)), of=VARIANTS[road])
-
-    return found
-
-
-# ------------------------------------------------------------------------------------------------- what was chosen
-
-
-def _reading(controller: str) -> str:
-    """How the paper's numbers of a controller are read, where the print cannot be meant."""
-    if controller == "lqr":
-        return "weights of Table 1.1 read with the force in N, not kN"
-    return "force rate of Table 1.3 read as per period of 30 ms, not per second" if controller.startswith("mpc") else ""
-
-
-@dataclass(frozen=True)
-class _Opening:
-    """What the opening of the passive car's spools does to a ratio to it."""
-
-    road: str
-    controller: str
-    band: Band
-
-    def ratios(self, study: Averages, at: Condition) -> list[float]:
-        """With each plausible opening."""
-        power = study.power(at(Case(self.road, self.controller)))
+    def over_openings(self, study: Averages, at: Condition) -> list[float]:
+        """The ratio to the passive car with each plausible opening of its spools; empty if none was chosen for it."""
+        if self.chosen != "opening":
+            return []
+        power = study.power(at(Case(self.road, self.of)))
         return [study.power(Case(self.road, "passive", null_opening_mm=mm)) / power for mm in NULL_OPENINGS_MM]
 
-    def decides(self, study: Averages, at: Condition) -> bool:
-        """Whether the ratio is in the band with one opening and out of it with another."""
-        return len({r in self.band for r in self.ratios(study, at)}) > 1
-
-    def text(self, study: Averages, at: Condition) -> str:
-        """In words."""
-        ratios = self.ratios(study, at)
-        return (
-            f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm, assumed"
-            f" with the passive figure in view; {min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm are plausible"
-            f" and give {min(ratios):.2f} to {max(ratios):.2f} times"
-            + (", in and out of the band" if self.decides(study, at) else "")
-        )
+    def fitted(self, study: Averages, at: Condition) -> str:
+        """What was chosen, in words."""
+        texts, reading = [], self.reading or (self.of if self.chosen else "")
+        if ratios := self.over_openings(study, at):
+            texts.append(
+                f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm,"
+                f" assumed with the passive figure in view; {min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm"
+                f" are plausible and give {min(ratios):.2f} to {max(ratios):.2f} times"
+                + ", in and out of the band"
+                * self.decided_by_opening(ratios)
+            )
+        if self.chosen == "terrain":
+            texts.append(_terrain(study, at))
+            texts += ["so is the null opening of the unpowered spool"] * (self.of == "passive")
+        if reading == "lqr":
+            texts.append("weights of Table 1.1 read with the force in N, not kN")
+        elif reading.startswith("mpc"):
+            texts.append("force rate of Table 1.3 read as per period of 30 ms, not per second")
+        return "; ".join(texts)
 
 
 def roughness_range(study: Averages, at: Condition = WITHOUT_LIMIT) -> tuple[float, float]:
@@ -210,27 +177,26 @@ def _terrain(study: Averages, at: Condition) -> str:
 
 @dataclass(frozen=True)
 class Need:
-    """What a statement takes. `conditions` are the pumps tried, from the smallest to the one without limit."""
+    """What a statement takes: whether it holds with each pump that was tried, from the smallest on."""
 
     statement: Statement
-    conditions: tuple[Condition, ...]
-    holds: tuple[bool, ...]
+    holds: Mapping[Condition, bool]
 
     @property
     def smallest(self) -> Condition | None:
         """The smallest pump with which the statement holds; None: it holds with none."""
-        return self.conditions[self.holds.index(True)] if any(self.holds) else None
+        return next((at for at, holds in self.holds.items() if holds), None)
 
     def words(self, study: Averages) -> str:
         """The result in words, "90 l/min at each actuator, not with 75 l/min"."""
         if self.smallest is None:
             return "no pump that was tried"
-        first, past = self.holds.index(True), [c for c, ok in zip(self.conditions, self.holds, strict=True) if ok]
-        words = self.smallest.words(study)
-        if first:
-            words += f", not with {self.conditions[first - 1].l_min(study):g} l/min"
-        gaps = any(a and not b for a, b in pairwise(self.holds))
-        return words + (f"; no longer beyond {past[-1].words(study)}" if gaps else "")
+        words, tried = self.smallest.words(study), list(self.holds)
+        if first := tried.index(self.smallest):
+            words += f", not with {tried[first - 1].l_min(study):g} l/min"
+        if any(a and not b for a, b in pairwise(self.holds.values())):
+            words += f"; no longer beyond {[at for at, holds in self.holds.items() if holds][-1].words(study)}"
+        return words
 
 
 def conditions(study: Averages, road: str) -> list[Condition]:
@@ -241,7 +207,7 @@ def conditions(study: Averages, road: str) -> list[Condition]:
 
 def need(study: Averages, s: Statement) -> Need | None:
     """Pump with which a statement holds, of those tried whose runs did not fail; None if no larger pumps were tried."""
-    if not set(s.controllers) <= set(PUMPED[s.road]):
+    if not {*s.to, s.of} <= set(PUMPED[s.road]):
         return None
     holds = {}
     for at in conditions(study, s.road):
@@ -249,7 +215,7 @@ def need(study: Averages, s: Statement) -> Need | None:
             holds[at] = s.holds(study, at)
         except RunFailed:
             continue
-    return Need(s, tuple(holds), tuple(holds.values()))
+    return Need(s, holds)
 
 
 # --------------------------------------------------------------------------------------------------- the judge
@@ -262,20 +228,20 @@ def parts(
     return tuple(Statement(**{**common, "band": band, **part}) for part in parts)
 
 
-def statement(study: Results, *, band: Band | None = None, **common: Any) -> Finding:
+def statement(study: Averages, *, band: Band | None = None, **common: Any) -> Finding:
     """Judge a sentence: under each condition of the pump, each of its parts."""
     found = {}
     every = parts(band=band, **common)
     for at in CONDITIONS:
         each = {NAMES[s.of]: finding(s, study, at) for s in every}
-        found[at.words(Averages(study))] = all_of(each) if len(each) > 1 else next(iter(each.values()))
+        found[at.words(study)] = all_of(each) if len(each) > 1 else next(iter(each.values()))
     return under_conditions(found)
 
 
-def finding(s: Statement, study: Results, at: Condition) -> Finding:
+def finding(s: Statement, study: Averages, at: Condition) -> Finding:
     """What a study says of a statement under a condition of the pump; open if half the steps change the verdict."""
     try:
-        coarse, fine = (_judged(s, Averages(study, refined=r), at) for r in (False, True))
+        coarse, fine = (_judged(s, results, at) for results in (study, study.finer))
     except RunFailed as error:
         return Finding("a run failed", False, str(error), unit=s.unit, undecided=str(error), words=s.words)
     if coarse.verdict == fine.verdict:
@@ -286,14 +252,13 @@ def finding(s: Statement, study: Results, at: Condition) -> Finding:
 
 def _judged(s: Statement, study: Averages, at: Condition) -> Finding:
     found = s.figures(study, at)
-    powers = {c: study.power(at(Case(s.road, c))) for c in dict.fromkeys(("passive", *s.controllers))}
+    powers = {c: study.power(at(Case(s.road, c))) for c in dict.fromkeys(("passive", *s.to, s.of))}
     absorbed = f"absorbed power {', '.join(f'{NAMES[c]} {p:.2f}' for c, p in powers.items())} W"
     needed = need(study, s) if at.limited else None
     holds = "" if needed is None else f"; holds with: {needed.words(study)}"
     nothing, some = s.incomparable(found), [v for v in found.values if not math.isnan(v)]
-    judged = Finding(
-        fitted=s.fitted(study, at), calibrated=s.opening is not None and s.opening.decides(study, at), words=s.words
-    )
+    calibrated = s.decided_by_opening(s.over_openings(study, at))
+    judged = Finding(fitted=s.fitted(study, at), calibrated=calibrated, words=s.words)
     if nothing and all(map(s.side, some)):
         why = f"{nothing}, so there is nothing to compare{holds}"
         return replace(judged, result=f"{nothing}; {absorbed}", reason=why, undecided=why, calibrated=False)
@@ -303,7 +268,6 @@ def _judged(s: Statement, study: Averages, at: Condition) -> Finding:
         reason += f" (on the claimed side in {found.count(s.side)} of {len(found.values)})"
     judged = replace(judged, holds=side, reason=reason + holds, unit=s.unit)
     if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
-        result = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
-        return replace(judged, result=result, value=found.median, band=s.band)
-    result = f"{found.text(s.form, s.unit, s.side)}; {absorbed}"
-    return replace(judged, result=result, over=found, band=s.band)
+        figure = f"{s.form.format(found.median)} {s.unit}"
+        return replace(judged, result=f"{figure}; {absorbed}", value=found.median, band=s.band)
+    return replace(judged, result=f"{found.text(s.form, s.unit, s.side)}; {absorbed}", over=found, band=s.band)

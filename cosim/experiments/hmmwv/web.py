@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from cosim.experiments.hmmwv.runs import PREVIEW_STEPS, Case
+from cosim.experiments.hmmwv.runs import Case
+from cosim.experiments.page_parts import ROUGHNESS, SPRUNG_MASS, at_corners, largest_travel, speed_control
 from cosim.export.web.page import Control, Measure, WebPage
 from cosim.study.web import Live, LiveCase
 from fmu_sources.models.corners import CORNERS
@@ -17,20 +18,13 @@ SYSTEMS: dict[str, dict[str, Any]] = {
     "MPC": {"controller": "mpc"},
     "MPC that sees the road": {"controller": "mpc-preview", "states": "estimated", "preview": "sensed"},
 }
-FASTEST = 60 / 3.6  # m/s
+FASTEST = 60.0  # km/h
 
 
 def live(case: Case) -> Live:
     """Four vehicles under one driver on each course; what else the case says holds for all of them."""
-    base = replace(
-        case,
-        controller="lqr",
-        states="true",
-        preview="generated",
-        preview_steps=PREVIEW_STEPS,
-        preview_error_ms=0.0,
-        driven=True,
-    )
+    sight = {n: getattr(Case, n) for n in ("preview", "preview_steps", "preview_error_ms")}
+    base = replace(case, controller="lqr", states="true", driven=True, **sight)
     cases = [
         LiveCase(title, replace(base, road=road, **changes), group=course)
         for road, course in COURSES.items()
@@ -42,30 +36,19 @@ def live(case: Case) -> Live:
         " through two range sensors and estimates its state with a Kalman filter (paper 001). You set speed and course;"
         " everything is computed here, live.",
         controls=[
-            Control("speed", ["speed.target.speed"], 0.0, FASTEST, keys=("ArrowDown", "ArrowUp")),
+            speed_control("speed.target.speed", 0.0, FASTEST),
             Control("preview that the MPC uses", ["controller.preview.used"], text="heights ahead, 30 ms apart"),
             Control("range sensors off", ["sensors.range.off"]),
-            Control("sprung mass", ["car.body.mass"], 1500.0, 4500.0),
-            Control(
-                "roughness, ISO 8608 class", ["road.class"], choices={n: float(i) for i, n in enumerate("ABCDEFGH")}
-            ),
+            SPRUNG_MASS,
+            ROUGHNESS,
         ],
         plots=["car.body.az", f"car.suspension.{CORNERS[0]}.deflection", f"controller.force.{CORNERS[0]}"],
         measures=[
             Measure("absorbed power, largest over 1 s", ["comfort.absorbed_power.peak"], "largest", "W"),
             Measure("vertical acceleration, rms", ["car.body.az"], "rms", "m/s2"),
-            Measure(
-                "suspension travel, largest",
-                [f"car.suspension.{k}.deflection" for k in CORNERS],
-                "peak",
-                "mm",
-                1e3,
-                decimals=0,
-            ),
-            Measure(
-                "tire deflection, rms", [f"car.tire.{k}.deflection" for k in CORNERS], "rms", "mm", 1e3, decimals=1
-            ),
-            Measure("actuator force, largest", [f"actuator_{k}.force" for k in CORNERS], "peak", "kN", 1e-3),
+            largest_travel(),
+            Measure("tire deflection, rms", at_corners("car.tire.{}.deflection"), "rms", "mm", 1e3, decimals=1),
+            Measure("actuator force, largest", at_corners("actuator_{}.force"), "peak", "kN", 1e-3),
         ],
         group_label="course",
     )

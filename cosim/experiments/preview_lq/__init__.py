@@ -5,13 +5,11 @@ printed values of the paper and the runs compared with them; `claims` judges; `r
 """
 
 from cosim.experiments.layout import experiment
-from cosim.experiments.preview_lq import published, runs
+from cosim.experiments.preview_lq import runs
 
 EXPERIMENT = experiment(
-    "preview-lq",
+    __name__,
     "Optimal preview LQ control of a car with seven degrees of freedom (paper 004)",
-    runs,
-    published.plan,
     interval=runs.INTERVAL,
     relative=True,
 )

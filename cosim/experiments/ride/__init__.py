@@ -1,17 +1,11 @@
-"""Test courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car.
+"""Test courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car with every controller.
 
-Each car runs with every suitable controller.
-
-`runs` wires (as the cars' own experiments do), runs and measures; `course` makes roads of OpenCRG files; `search` finds
-the speeds at which a limit is reached; `published` has the plan of the study, `claims` its checks, `report` lays out.
+Beside the common layout: `course` makes roads of OpenCRG files; `search` finds the speeds at which a limit is reached,
+`results` has what it found.
 """
 
 from cosim.experiments.layout import experiment
-from cosim.experiments.ride import published, runs
 
 EXPERIMENT = experiment(
-    "ride",
-    "Every car over the courses of a proving ground: absorbed power, 6 W speed, obstacles at 2.5 g",
-    runs,
-    published.plan,
+    __name__, "Every car over the courses of a proving ground: absorbed power, 6 W speed, obstacles at 2.5 g"
 )

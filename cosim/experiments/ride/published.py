@@ -11,7 +11,7 @@ from build_fmus.base.terminal import PATH, Names
 from cosim.experiments.hmmwv.runs import ACTUATORS
 from cosim.experiments.preview_lq.runs import MODES
 from cosim.experiments.ride.course import extent
-from cosim.experiments.ride.runs import CARS, OBSTACLE, Case
+from cosim.experiments.ride.runs import CARS, OBSTACLE, CarSystem, Case
 from cosim.experiments.ride.search import WITHIN, SpeedLimit
 from cosim.study.case import CaseError, check_choice
 from fmu_sources.roads.rms_course import COURSES, INCH, SEEDS
@@ -19,10 +19,7 @@ from fmu_sources.roads.rms_course import COURSES, INCH, SEEDS
 POWERS = ("absorbed_power_nrmm", "absorbed_power")
 PEAK = ("seat_peak",)
 SEEDS_RUN = 3  # profiles of each course, which show the spread
-ONE_SEED = (
-    "mpc",
-    "mpc-preview",
-)  # controllers whose runs take so long that the rougher courses, driven more slowly, have one profile
+ONE_SEED = ("mpc", "mpc-preview")  # whose runs take so long that the rougher courses have one profile
 SPREAD = "1in"  # the course that all controllers drive on all profiles
 HEIGHTS = tuple(round(inches * INCH, 4) for inches in (4, 6, 8, 10, 12))  # m, of the half-rounds
 SIDES_COURSE = "1in"  # the course that is also driven with different sides
@@ -57,59 +54,53 @@ LONG = {
     "mpc-preview": 6.0,
     **{f"{weights}-{mode}": 4.0 for weights in ("comfort", "road-holding") for mode in MODES},
 }
-SLOWER = {"hydraulic": 2.0}
-"""Rough time of a run as compared with others, so that the longest searches come first."""
-
-System = tuple[str, str, str]  # car, controller, actuators
+"""Rough time of a run as compared with others, so that the longest searches come first; hydraulics double it."""
 
 
-def systems(car: str | None = None) -> list[System]:
+def systems(car: str | None = None) -> list[CarSystem]:
     """Every car with every controller of the study, or those of one car.
 
     Hydraulic actuators are included where the car has them.
     """
     if car is not None:
         check_choice("car", car, CARS)
-    found = []
-    for name, made in CARS.items():
-        if car in (None, name):
-            for controller in made.controllers:
-                for actuators in ACTUATORS if name == "hmmwv" else ("ideal",):
-                    try:
-                        found.append(_at((name, controller, actuators), "1in"))
-                    except CaseError:  # a passive car with ideal actuators
-                        continue
-    return [(c.car, c.controller, c.actuators) for c in found]
+    every = ((name, c) for name, made in CARS.items() if car in (None, name) for c in made.controllers)
+    return [
+        (name, controller, actuators)
+        for name, controller in every
+        for actuators in (ACTUATORS if name == "hmmwv" else ("ideal",))
+        if (name, controller, actuators) != ("hmmwv", "passive", "ideal")  # its pump is off, its actuators are there
+    ]
 
 
-def _at(system: System, course: str, **more: object) -> Case:
+def _at(system: CarSystem, course: str, **more: object) -> Case:
     car, controller, actuators = system
     return Case(car, controller, actuators, course, 1.0, **more)  # type: ignore[arg-type]
 
 
-def _guess(system: System, course: str) -> float:
+def _guess(system: CarSystem, course: str) -> float:
     """Where the search for 6 W begins [km/h]."""
     first, *parts = GUESS[system[0]]
     return max(WITHIN[0], first * FASTER.get(system[:2], 1.0) * dict(zip(COURSES, (1.0, *parts), strict=True))[course])
 
 
-def _cost(system: System, speed: float) -> float:
-    return LONG.get(system[1], 1.0) * SLOWER.get(system[2], 1.0) / speed
+def _cost(system: CarSystem, speed: float) -> float:
+    return LONG.get(system[1], 1.0) * (2.0 if system[2] == "hydraulic" else 1.0) / speed
 
 
-def six_watts(system: System, course: str, *, seeds: int = 1, sides: str = "alike") -> SpeedLimit:
+def six_watts(system: CarSystem, course: str, *, seeds: int = 1, sides: str = "alike") -> SpeedLimit:
     """The speed of 6 W, by both definitions, on an RMS course."""
     guess = _guess(system, course)
     return SpeedLimit(_at(system, course, sides=sides), POWERS, seeds, guess, (1 + seeds) * _cost(system, guess))
 
 
-def obstacle(system: System, height: float) -> SpeedLimit:
+def obstacle(system: CarSystem, height: float) -> SpeedLimit:
     """The speed of 2.5 g over a half-round [m]."""
     guess = 1.5 * GUESS[system[0]][0] * (HEIGHTS[0] / height)
     return SpeedLimit(_at(system, OBSTACLE, height=height), PEAK, 1, guess, _cost(system, guess) / 10)
 
 
-def on_file(system: System, course: str) -> SpeedLimit:
+def on_file(system: CarSystem, course: str) -> SpeedLimit:
     """Both on a course from a file."""
     guess = _guess(system, SPREAD)
     return SpeedLimit(_at(system, course), (*POWERS, *PEAK), 1, guess, 3 * _cost(system, guess))

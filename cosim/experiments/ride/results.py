@@ -6,28 +6,21 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from cosim.experiments.ride.published import System
+from cosim.experiments.hmmwv.statements import NAMES as HMMWV_NAMES
+from cosim.experiments.ride.runs import CARS, NUMBER, CarSystem, Case
 from cosim.experiments.ride.search import LIMITS, SpeedLimit
+from cosim.experiments.semi_active.published import NAMES as DAMPER_NAMES
 from cosim.study import Results, Row
 
 NAMES = {
-    "passive": "passive",
-    "zero": "zero force",
-    "skyhook": "skyhook",
-    "skyhook-on-off": "skyhook, on-off",
-    "groundhook": "groundhook",
-    "add": "ADD",
-    "sh-add": "SH-ADD",
-    "lqr": "LQR",
+    **DAMPER_NAMES,
+    **HMMWV_NAMES,
     "lqr-kilonewton": "LQR, weight in kN",
-    "mpc": "MPC",
-    "mpc-preview": "MPC with preview",
-    "comfort-active": "LQ comfort",
-    "comfort-delay": "LQ comfort, rear wheels preview",
-    "comfort-preview": "preview LQ comfort",
-    "road-holding-active": "LQ road holding",
-    "road-holding-delay": "LQ road holding, rear wheels preview",
-    "road-holding-preview": "preview LQ road holding",
+    **{
+        f"{weights}-{mode}": text.format(weights.replace("-", " "))
+        for weights in ("comfort", "road-holding")
+        for mode, text in (("active", "LQ {}"), ("delay", "LQ {}, rear wheels preview"), ("preview", "preview LQ {}"))
+    },
     "implicit": "GPC implicit",
     "explicit": "GPC explicit",
     "preview": "GPC with preview",
@@ -43,10 +36,10 @@ CAR_NAMES = {
 WORDS = {"never": "never", "always": "at any speed"}
 
 
-def name(system: System) -> str:
+def name(system: CarSystem) -> str:
     """Controller and actuators for people: "MPC, hydraulic"."""
-    car, controller, actuators = system
-    if (car, controller, actuators) == ("hmmwv", "zero", "ideal"):
+    _, controller, actuators = system
+    if system == ("hmmwv", "zero", "ideal"):
         return "no actuators"
     return NAMES[controller] + (", hydraulic" if actuators == "hydraulic" else "")
 
@@ -77,38 +70,66 @@ class Speeds:
         return f"{self.median:.1f} ({min(self.found):.1f} to {max(self.found):.1f}{''.join(others)})"
 
 
-def speeds(study: Results, search: SpeedLimit, metric: str) -> Speeds:
-    """Of a search that did not fail.
+@dataclass(frozen=True)
+class Driven:
+    """A search of a study; what one found that failed raises `RunFailed`."""
 
-    Raises:
-        RunFailed: it did.
+    search: SpeedLimit
+    results: Results
+
+    @property
+    def case(self) -> Case:
+        """What was driven, at any speed."""
+        return self.search.case
+
+    @property
+    def words(self) -> str:
+        """Car, controller and actuators."""
+        return f"{CAR_NAMES[self.case.car]}, {name(self.case.system)}"
+
+    @property
+    def found(self) -> Row:
+        """See `SpeedLimit`."""
+        found: Row = self.results.found(self.search)
+        return found
+
+    def speeds(self, metric: str) -> Speeds:
+        """Where the limit of a metric is reached."""
+        speeds = (v for v in self.found["speeds"][metric] if v is not None)
+        return Speeds(tuple(speeds), tuple(self.found["why"][metric]))
+
+    def runs(self, seed: int = 1) -> list[Row]:
+        """Rows of the runs of one seed that came to the end of the course, by rising speed."""
+        return [r for r in self.found["runs"] if r["seed"] == seed and r["arrived"]]
+
+    def nearest(self, metric: str) -> Row | None:
+        """The run whose metric is nearest to its limit; None where no run came to the end."""
+        return min(self.runs(), key=lambda r: abs(r[metric] / LIMITS[metric] - 1), default=None)
+
+
+class Searches:
+    """The searches of a study, in the order of its plan.
+
+    Attributes:
+        every: all of them, by case.
+        cars: that were driven.
+        file: the course file that was driven; empty for the synthetic courses.
     """
-    found: Row = study.found(search)
-    return Speeds(tuple(v for v in found["speeds"][metric] if v is not None), tuple(found["why"][metric]))
 
+    def __init__(self, results: Results) -> None:
+        self.results = results
+        self.every = {t.case: Driven(t, results) for t in results.tasks if isinstance(t, SpeedLimit)}
+        self.cars = [c for c in CARS if any(case.car == c for case in self.every)]
+        self.file = next((case.course for case in self.every if case.course not in NUMBER), "")
 
-def runs(study: Results, search: SpeedLimit, seed: int = 1) -> list[Row]:
-    """Rows of the runs of one seed that came to the end of the course, by rising speed."""
-    found: list[Row] = study.found(search)["runs"]
-    return [r for r in found if r["seed"] == seed and r["arrived"]]
+    def on(self, **fields: Any) -> list[Driven]:
+        """Searches whose case has these values."""
+        return [d for case, d in self.every.items() if all(getattr(case, k) == v for k, v in fields.items())]
 
+    def known(self, **fields: Any) -> list[Driven]:
+        """Those of them that did not fail."""
+        return [d for d in self.on(**fields) if d.search.label not in d.results.failures]
 
-def nearest(study: Results, search: SpeedLimit, metric: str) -> Row | None:
-    """The run whose metric is nearest to its limit; None where no run came to the end."""
-    rows = runs(study, search)
-    return min(rows, key=lambda r: abs(r[metric] / LIMITS[metric] - 1)) if rows else None
-
-
-def ran(study: Results) -> list[SpeedLimit]:
-    """The searches of a study, in the order of its plan."""
-    return [t for t in study.tasks if isinstance(t, SpeedLimit)]
-
-
-def system_of(search: SpeedLimit) -> System:
-    """Car, controller, actuators."""
-    return search.case.car, search.case.controller, search.case.actuators
-
-
-def on(study: Results, **fields: Any) -> list[SpeedLimit]:
-    """Searches whose case has these values."""
-    return [s for s in ran(study) if all(getattr(s.case, k) == v for k, v in fields.items())]
+    def systems(self, car: str) -> list[CarSystem]:
+        """Car, controller and actuators of all that was driven of a car."""
+        return list(dict.fromkeys(d.case.system for d in self.on(car=car)))

@@ -15,7 +15,7 @@ from cosim.core.signals import Array, columns, peak, rms
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
-from cosim.experiments.options import AtSpeed, speed_option
+from cosim.experiments.options import AtSpeed, quantity, speed_option
 from cosim.experiments.preview_lq import runs as preview_lq
 from cosim.experiments.ride.course import FileCourse, course_under
 from cosim.experiments.semi_active import runs as semi_active
@@ -167,6 +167,7 @@ FMUS = tuple(
         ]
     )
 )
+CarSystem = tuple[str, str, str]  # car, controller, actuators
 SIDES = ("alike", "apart")
 LIMIT_G = 2.5  # of the driver's seat, over obstacles
 TRAVEL = 0.3  # m: more than any suspension of these cars has from its position at rest
@@ -190,17 +191,12 @@ class Case(AtSpeed, BaseCase):
     )
     course: str = option("1in", choices=NUMBER, files=".crg", help="course, or an OpenCRG file", always=True)
     speed_kmh: float = speed_option(20.0, (1, 200), label="{:.4g}kmh")
-    seed: int = option(1, within=(1, SEEDS), only=_RMS, label="seed{}", help="profile of an RMS course")
+    seed: int = quantity("seed", 1, (1, SEEDS), "profile of an RMS course", _RMS, "seed{}")
     sides: str = option(
         "alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated"
     )
-    height: float = option(
-        0.2032,
-        unit="m",
-        within=(0.01, 1.0),
-        only=_OVER,
-        label=lambda m: f"{1e3 * m:.4g}mm",
-        help="height of the half-round",
+    height: float = quantity(
+        "height [m]", 0.2032, (0.01, 1.0), "height of the half-round", _OVER, lambda m: f"{1e3 * m:.4g}mm"
     )
 
     def __post_init__(self) -> None:
@@ -211,6 +207,11 @@ class Case(AtSpeed, BaseCase):
                 "the passive hmmwv has its hydraulic actuators with the pump off: give"
                 f" {surface.given(actuators='hydraulic')}; without any actuators: {surface.given(controller='zero')}"
             )
+
+    @property
+    def system(self) -> CarSystem:
+        """What is driven."""
+        return self.car, self.controller, self.actuators
 
     @property
     def other(self) -> Any:

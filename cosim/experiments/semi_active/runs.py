@@ -14,7 +14,7 @@ from build_fmus.base import surface
 from cosim import System
 from cosim.core.signals import columns, rms
 from cosim.experiments.hmmwv.wiring import BUMPS, FIRST_BUMP, add_car, bump_parameters, published
-from cosim.experiments.options import AtSpeed, speed_option, terrain_option
+from cosim.experiments.options import AtSpeed, quantity, speed_option, terrain_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.lq.hmmwv import lqr_gain, weighted_outputs
@@ -71,12 +71,12 @@ class Case(AtSpeed, Stepped):
     speed_kmh: float = speed_option(50.0, (5, 100), always=False)
     terrain: str = terrain_option("D", CLASSES, "a random road")
     stretch: int = option(0, within=(0, STRETCHES - 1), label="stretch{}", help="stretch of a random road")
-    road_holding: float | None = option(
+    road_holding: float | None = quantity(
+        "road holding",
         None,
-        name="road-holding",
-        within=(0, 1),
+        (0, 1),
+        "from comfort (0) to road holding (1); by default as in the FMU",
         label="{:.2g}-road-holding",
-        help="from comfort (0) to road holding (1); by default as in the FMU",
     )
     hysteresis: bool = option(True, help="hysteresis of the semi-active dampers")
 

@@ -5,12 +5,7 @@ judges; `report` lays out.
 """
 
 from cosim.experiments.layout import experiment
-from cosim.experiments.three_axle import published, runs
 
 EXPERIMENT = experiment(
-    "three-axle",
-    "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)",
-    runs,
-    published.plan,
-    interval="5 ms",
+    __name__, "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)", interval="5 ms"
 )

@@ -6,13 +6,11 @@
 """
 
 from cosim.experiments.layout import experiment
-from cosim.experiments.trench import linear, published, runs
+from cosim.experiments.trench import linear, runs
 
 EXPERIMENT = experiment(
-    "trench",
+    __name__,
     "A 6x6 crosses trenches with preview MPC (paper 003)",
-    runs,
-    published.plan,
     interval=runs.step,
     page="cosim.experiments.trench.report:page",
     parts=[linear.PART],

@@ -81,8 +81,7 @@ def chain_section(study: Results) -> Content:
         " control forces.",
         _track_panels(study),
     )
-    case = published.DROPOUT
-    dropout = curves(study, case)
+    dropout = study.signals(published.DROPOUT)
     shown = [
         curve("true", dropout, "true", 1e3, color="black"),
         curve("buffered", dropout, "buffered", 1e3, color="green"),
@@ -93,13 +92,17 @@ def chain_section(study: Results) -> Content:
         "A sensor that fails",
         "While the ranges are not valid the buffer continues with the last height; preview.valid is false until all"
         " wheels have passed that stretch.",
-        [Panel(f"range sensors fail for {case.dropout:g} s", "time [s]", "height [mm]", shown)],
+        [Panel(f"range sensors fail for {published.DROPOUT.dropout:g} s", "time [s]", "height [mm]", shown)],
     )
-    columns = [f"{h:.0f} mm bump, {what} [mm]" for h in HEIGHTS_MM for what in ("lowest", "highest")]
-    dips = []
-    for c in published.CHAINS:
-        found = [round(v, 1) for h in HEIGHTS_MM for v in extremes(study, c, h)]
-        dips.append({"correction": words(c), **dict(zip(columns, found, strict=True))})
+    dips = [
+        {"correction": words(c)}
+        | {
+            f"{height:.0f} mm bump, {what} [mm]": round(value, 1)
+            for height in HEIGHTS_MM
+            for what, value in zip(("lowest", "highest"), extremes(study, c, height), strict=True)
+        }
+        for c in published.CHAINS
+    ]
     yield Table.of("preview-dips", "Lowest and highest sensed height on the flat road after one bump, no noise", dips)
     drift = [
         {"correction": words(c)}
@@ -117,9 +120,8 @@ def _track_panels(study: Results) -> list[Panel]:
     """What the sensor sees, and the road and its rate that each correction makes of it, over those of the first run."""
     runs = {c: curves(study, published.on_track(c)) for c in published.SHOWN}
     first = runs[published.SHOWN[0]]
-    panels = [
-        Panel("range sensor, left", _FRONT, "range [m]", [curve("range", first, "range", x="front", color="black")])
-    ]
+    ranges = [curve("range", first, "range", x="front", color="black")]
+    panels = [Panel("range sensor, left", _FRONT, "range [m]", ranges)]
     for title, label, factor, true, found in (
         ("road under the front left wheel, from the buffer", "height [mm]", 1e3, "true", "buffered"),
         ("its rate, mean over the 30 ms ahead", "rate [m/s]", 1.0, "true rate", "rate"),

@@ -12,6 +12,7 @@ from cosim import Recording, System
 from cosim.core.signals import rms
 from cosim.experiments.hmmwv import wiring
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, FIRST_BUMP, SPEED_KMH, bump_parameters
+from cosim.experiments.options import quantity
 from cosim.study import Case as AnyCase
 from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.models.corners import CORNERS
@@ -48,30 +49,22 @@ class Case(AnyCase):
     use_road: bool = option(True, only=_SENSED, help="feed the buffered road back to filter and correction")
     compensation: bool = option(False, only=_SENSED, help="add quarter cars on the buffered road, as the paper does")
     road: str = option("bump", choices=BUMPS, help="road under the wheels", always=True)
-    height_mm: float = option(
-        30.0,
-        name="height",
-        unit="mm",
-        within=(0, 200),
-        only=(lambda c: c.road == "bump", "one bump"),
-        label="{:g}mm",
-        help="height of the bump",
+    height_mm: float = quantity(
+        "height [mm]", 30.0, (0, 200), "height of the bump", (lambda c: c.road == "bump", "one bump")
     )
-    noise: float = option(0.0, within=(0, 100), only=_SENSED, label="noise-{:g}", help="scale of the sensors' noise")
-    duration: float = option(2.6, unit="s", within=(1, 60), label="{:g}s", help="length")
-    dropout: float = option(
-        0.0, unit="s", within=(0, 60), only=_SENSED, label="dropout-{:g}s", help="how long the range sensors fail"
+    noise: float = quantity("noise", 0.0, (0, 100), "scale of the sensors' noise", _SENSED, "noise-{:g}")
+    duration: float = quantity("duration [s]", 2.6, (1, 60), "length")
+    dropout: float = quantity("dropout [s]", 0.0, (0, 60), "how long the range sensors fail", _SENSED, "dropout-{:g}s")
+    dropout_start: float = quantity(
+        "dropout start [s]", 0.0, (0, 60), "when the range sensors fail", _SENSED, "from-{:g}s"
     )
-    dropout_start: float = option(
-        0.0, unit="s", within=(0, 60), only=_SENSED, label="from-{:g}s", help="when the range sensors fail"
-    )
-    speedometer_error: float = option(
+    speedometer_error: float = quantity(
+        "speedometer error [%]",
         0.0,
-        unit="%",
-        within=(-50, 50),
-        only=(lambda c: c.preview == "generated", "the generated preview"),
-        label="speedometer{:+g}",
-        help="error of the speedometer (positive: it reads too high)",
+        (-50, 50),
+        "error of the speedometer (positive: it reads too high)",
+        (lambda c: c.preview == "generated", "the generated preview"),
+        "speedometer{:+g}",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from cosim.experiments.hmmwv.tracking import published
 from cosim.experiments.hmmwv.tracking.claims import errors
@@ -48,28 +49,21 @@ def section(study: Results) -> Content:
     of a step: {plain:.1f} % at {1e3 * EXCHANGE:g} ms, {finer:.1f} % at half of it."""
     end = 1e3 * FILTER_TIME
     response = {k: [1e3 * t for t in v] if k == "time" else v for k, v in study.signals(Case(FILTER)).items()}
-    yield Figure(
-        "figure-1-4",
-        "Step response of the filter of the desired force (figure 1.4 of the paper)",
-        "From the force tracking FMU.",
-        [
-            Panel(
-                "",
-                "time [ms]",
-                "force over desired force [-]",
-                [
-                    Series("requested", [0, end], [1, 1], color="gray", dash="dash"),
-                    curve("desired, smoothed", response, "smoothed", end=end, color="black"),
-                ],
-            )
-        ],
-    )
+    curves = [
+        Series("requested", [0, end], [1, 1], color="gray", dash="dash"),
+        curve("desired, smoothed", response, "smoothed", end=end, color="black"),
+    ]
+    title = "Step response of the filter of the desired force (figure 1.4 of the paper)"
+    panel = Panel("", "time [ms]", "force over desired force [-]", curves)
+    yield Figure("figure-1-4", title, "From the force tracking FMU.", [panel])
     panels = []
     for signal in PUBLISHED:
-        window = (1.0, 2.5) if signal == "square" else (0.0, 1e9)
-        shown = (("desired, smoothed", "smoothed", "black"), ("actuator", "force", "vermilion"))
         signals = study.signals(Case(signal))
-        curves = [curve(n, signals, k, start=window[0], end=window[1], color=color) for n, k, color in shown]
+        window: dict[str, Any] = {"start": 1.0, "end": 2.5} if signal == "square" else {}
+        curves = [
+            curve("desired, smoothed", signals, "smoothed", color="black", **window),
+            curve("actuator", signals, "force", color="vermilion", **window),
+        ]
         panels.append(Panel(signal, "time [s]", "force [N]", curves))
     caption = "Filtered square wave, sweep from 1 to 10 Hz, and the same sweep sampled every 30 ms."
     yield Figure("figure-1-8", "Force tracking (figure 1.8 of the paper)", caption, panels)
@@ -84,7 +78,24 @@ def section(study: Results) -> Content:
         ],
         columns=2,
     )
-    yield _variants(study)
+    rows = [
+        {
+            "variant": name,
+            **{f"{s} [% rms]": round(100 * error(study, replace(case, signal=s)), 1) for s in PUBLISHED},
+            "flow peak, square [l/min]": round(study[case]["flow_peak"], 1),
+            "voltage peak, square [V]": round(study[case]["voltage_peak"], 2),
+            "voltage jumps, square [mV]": round(1e3 * study[case]["voltage_jumps"], 0),
+        }
+        for name, case in published.VARIANTS.items()
+    ]
+    yield Table.of(
+        "force-tracking",
+        "Force tracking and its variants",
+        rows,
+        "Error: rms of force minus smoothed desired force, over the rms of the latter, without the first 0.5 s. Noise"
+        f" of the load cell: {published.NOISE:g} N, assumed. Jumps: standard deviation of the change of the command per"
+        " millisecond.",
+    )
 
 
 def _robustness(study: Results, title: str, label: str, signal: str, metric: str) -> Panel:
@@ -95,24 +106,3 @@ def _robustness(study: Results, title: str, label: str, signal: str, metric: str
         errors = [100 * study[robustness_case(signal, d, leakage)][metric] for d in DENSITIES]
         curves.append(Series(name, DENSITIES, errors, color=color, dash=dash, mode="line+markers"))  # type: ignore[arg-type]
     return Panel(title, "density in the controller over that of the actuator [-]", label, curves, y_scale="log")
-
-
-def _variants(study: Results) -> Table:
-    words = dict(zip(PUBLISHED, ("square [% rms]", "sweep [% rms]", "discrete sweep [% rms]"), strict=True))
-    return Table.of(
-        "force-tracking",
-        "Force tracking and its variants",
-        [
-            {
-                "variant": name,
-                **{words[s]: round(100 * error(study, replace(case, signal=s)), 1) for s in PUBLISHED},
-                "flow peak, square [l/min]": round(study[case]["flow_peak"], 1),
-                "voltage peak, square [V]": round(study[case]["voltage_peak"], 2),
-                "voltage jumps, square [mV]": round(1e3 * study[case]["voltage_jumps"], 0),
-            }
-            for name, case in published.VARIANTS.items()
-        ],
-        "Error: rms of force minus smoothed desired force, over the rms of the latter, without the first 0.5 s. Noise"
-        f" of the load cell: {published.NOISE:g} N, assumed. Jumps: standard deviation of the change of the command per"
-        " millisecond.",
-    )

@@ -12,14 +12,9 @@ import numpy as np
 from cosim import PythonComponent, System
 from cosim.core.component import Array
 from cosim.core.signals import peak, rms
-from cosim.experiments.hmmwv.wiring import (
-    CONTROL_PERIOD,
-    EXCHANGE,
-    LITRES_PER_MINUTE,
-    SIGNAL_POINTS,
-    connect_corner,
-    published,
-)
+from cosim.experiments.hmmwv import wiring
+from cosim.experiments.hmmwv.wiring import LITRES_PER_MINUTE
+from cosim.experiments.options import quantity
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.recording.peaks import peak_index
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, fields, option
@@ -49,23 +44,13 @@ def sweep(t: float) -> float:
     return AMPLITUDE * math.sin(2 * math.pi * (low * t + (high - low) * t * t / (2 * SWEEP_DURATION)))
 
 
-def step(t: float) -> float:  # noqa: ARG001
-    """2 kN from the start on [N]."""
-    return AMPLITUDE
-
-
-def unit(t: float) -> float:  # noqa: ARG001
-    """1 N from the start on."""
-    return 1.0
-
-
 FILTER = "filter"  # the filter of the desired force (1.16) alone, without actuator and car
 SIGNALS: dict[str, tuple[Callable[[float], float], float, float]] = {  # function of time, sample time [s], length [s]
     "square": (square, 1e-3, SQUARE_DURATION),
     "sweep": (sweep, 1e-3, SWEEP_DURATION),
-    "discrete sweep": (sweep, CONTROL_PERIOD, SWEEP_DURATION),
-    "step": (step, 1e-3, LATE[1]),
-    FILTER: (unit, 1e-3, 1.0),
+    "discrete sweep": (sweep, wiring.CONTROL_PERIOD, SWEEP_DURATION),
+    "step": (lambda _: AMPLITUDE, 1e-3, LATE[1]),
+    FILTER: (lambda _: 1.0, 1e-3, 1.0),
 }
 
 
@@ -114,24 +99,20 @@ class Case(Stepped):
     rate_filter: bool = option(False, help="rate of the force by the filter (1.13) instead of the difference (1.15)")
     average: bool = option(False, help="averaging filter (1.14) on")
     notches: bool = option(False, help="notches at heave/pitch and roll on")
-    integral: float | None = option(
-        None,
-        unit="1/s",
-        within=(0, 100),
-        label="integral-{:g}",
-        help="integral term lambda_1; by default as in the FMU",
+    integral: float | None = quantity(
+        "integral [1/s]", None, (0, 100), "integral term lambda_1; by default as in the FMU", label="integral-{:g}"
     )
-    density: float = option(
-        1.0, within=(0, 10), label="density-{:g}", help="density in the controller over that of the actuator"
+    density: float = quantity(
+        "density", 1.0, (0, 10), "density in the controller over that of the actuator", label="density-{:g}"
     )
-    leakage: float = option(
-        1.0, within=(0, 100), label="leakage-{:g}", help="leakage in the controller over that of the actuator"
+    leakage: float = quantity(
+        "leakage", 1.0, (0, 100), "leakage in the controller over that of the actuator", label="leakage-{:g}"
     )
     actuator: str = option("paper", choices=ACTUATORS, help="as printed, or with the density of real oil")
     friction: bool = option(True, help="dry friction in the suspension")
     extrapolate: bool = option(True, help="car and actuator see values of the middle of each step")
     order: str = option("gauss-seidel", choices=("gauss-seidel", "jacobi"), help="car before actuator, or both at once")
-    noise: float = option(0.0, unit="N", within=(0, 1e6), label="noise-{:g}N", help="noise of the load cell at 1 kHz")
+    noise: float = quantity("noise [N]", 0.0, (0, 1e6), "noise of the load cell at 1 kHz", label="noise-{:g}N")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,7 +129,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     if case.signal == FILTER:
         system.add("tracking", fmus.path(tracking), start={"force.desired": function(0.0)})
         return system
-    step = exchange_step(EXCHANGE, case)
+    step = exchange_step(wiring.EXCHANGE, case)
     system.add("signal", ForceSignal(function), step=period)
     system.add(
         "car",
@@ -160,17 +141,16 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("actuator", fmus.path(actuator), step=step, start={"bypass.area": 0.0})
     controller = system.add("tracking", fmus.path(tracking))
     for name, relative in (("fluid.density", case.density), ("cylinder.leakage", case.leakage)):
-        controller.set({name: relative * published(controller, name)})
-    if case.integral is not None:
-        controller.set({"lambda_1": case.integral})
-    if case.rate_filter:
-        controller.set({"rate.numerical": False})
-    if case.average:
-        controller.set({"average.enabled": True})
-    if case.notches:
-        controller.set({"notch.heave_pitch.enabled": True, "notch.roll.enabled": True})
+        controller.set({name: relative * wiring.published(controller, name)})
+    for chosen, parameters in (
+        (case.integral is not None, {"lambda_1": case.integral}),
+        (case.rate_filter, {"rate.numerical": False}),
+        (case.average, {"average.enabled": True}),
+        (case.notches, {"notch.heave_pitch.enabled": True, "notch.roll.enabled": True}),
+    ):
+        controller.set(parameters if chosen else {})
     system.connect("signal.force", "tracking.force.desired")
-    connect_corner(system, case.order, extrapolate=case.extrapolate)
+    wiring.connect_corner(system, case.order, extrapolate=case.extrapolate)
     for plant in ("car", "actuator"):
         set_solver_step(system[plant], case)
     if case.noise:
@@ -264,5 +244,5 @@ def signals(run: Run) -> Row:
     if run.case.signal == FILTER:
         return {"time": r.time.tolist(), "smoothed": r["tracking.force.smoothed"].tolist()}
     shown = {"time": r.time, "smoothed": r["tracking.force.smoothed"], "force": r["actuator.force"]}
-    kept = peak_index([shown["smoothed"], shown["force"]], SIGNAL_POINTS)
+    kept = peak_index([shown["smoothed"], shown["force"]], wiring.SIGNAL_POINTS)
     return {name: [float(f"{x:.6g}") for x in signal[kept]] for name, signal in shown.items()}
