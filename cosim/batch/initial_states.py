@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cosim.batch.lane_source import LaneSource
-from cosim.batch.library import PART, Target, interface, lane_library
+from cosim.batch.library import Target, interface, lane_library
 from cosim.batch.structs import HEADER, CopyFailure, Lanes, Probes, Structs, aligned, beside
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError
@@ -254,7 +254,7 @@ class Copies:
             if m in self._lanes:
                 self._whole[:, slot] = self._lanes[m].whole[:, self._lanes[m].row(variable)]
             elif (seeds := self._seeds.get((m, variable.name))) is not None:
-                self._whole[: self.copies, slot, PART:] = seeds
+                self._whole[: self.copies, slot, self._target.first :] = seeds
         self._start_lanes()
         self._structs.settle()
         moved = (before != self._values).any(axis=(0, 2))
@@ -268,7 +268,7 @@ class Copies:
         for copy, k in np.argwhere(probes.apart):
             at = 2 * (copy * probes.apart.shape[1] + k)
             above, below = (e.values[own] for e in probes.exchanges[at : at + 2] if e is not None)
-            self._whole[copy, own, PART + k] = (above - below) / (2.0 * probes.apart[copy, k])
+            self._whole[copy, own, self._target.first + k] = (above - below) / (2.0 * probes.apart[copy, k])
 
     def _defaults(self, component: SystemComponent) -> Array:
         """Values of an instance that was only reset."""

@@ -18,12 +18,13 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.lane_source import MUSL, LaneSource
 from cosim.batch.lane_source import RUNTIME as OF_FMUS
+from cosim.batch.unread_outputs import without_unread_outputs
 from cosim.core.c_headers import declarations
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
-PART = 8  # derivatives that one vector holds, and numbers to which they are aligned (tangents.h)
+DIRECTIONS = 8  # derivatives are multiples of: the widest vector
 STEP_DIRECTIONS = 16  # along which the derivatives of a step are computed together
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
@@ -56,8 +57,8 @@ const double *lane_profiles(const double *p) {
 class Target:
     """Vector instructions: name, copies side by side, LANES_TARGET, and the processor flags that they require.
 
-    `directions`: in which each number has derivatives (tangents.h); copies are then alone. `adjoints`: a number has an
-    index in their place (adjoints.h).
+    `directions`: in which each number has derivatives (tangents.h), `part` of them in a vector; copies are then alone.
+    `adjoints`: a number has an index in their place (adjoints.h).
     """
 
     name: str
@@ -65,6 +66,7 @@ class Target:
     number: int
     needs: int
     directions: int = 0
+    part: int = 0
     adjoints: bool = False
 
     @property
@@ -75,11 +77,11 @@ class Target:
     @property
     def first(self) -> int:
         """Number of a value's first derivative."""
-        return PART if self.directions and not self.adjoints else self.lanes
+        return self.part or self.lanes
 
     def with_tangents(self, directions: int) -> Target:
         """Of copies that have derivatives in so many directions, a multiple of 8."""
-        return replace(self, name=f"{self.name}_tangents_{directions}", lanes=1, directions=directions)
+        return replace(self, name=f"{self.name}_tangents_{directions}", lanes=1, directions=directions, part=self.lanes)
 
     def with_adjoints(self) -> Target:
         """Of one copy whose operations are kept."""
@@ -89,7 +91,9 @@ class Target:
     def settings(self) -> dict[str, int]:
         """Its names in C."""
         told = {"LANES": self.lanes, "LANES_TARGET": self.number}
-        return told | ({"ADJOINTS" if self.adjoints else "TANGENTS": self.directions} if self.directions else {})
+        if self.adjoints:
+            return told | {"ADJOINTS": 1}
+        return told | ({"TANGENTS": self.directions, "PART": self.part} if self.directions else {})
 
 
 TARGETS = {t.name: t for t in (Target("avx512", 8, 512, 2), Target("avx2", 4, 2, 1), Target("baseline", 2, 0, 0))}
@@ -177,7 +181,7 @@ def _lane_files(
     if target.directions:
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
-    files["model.c"] = source.files["model.c"]
+    files["model.c"] = without_unread_outputs(source.files["model.c"].decode(), outputs).encode()
     if plain:  # where nothing moves (lane_component.h)
         names = [f"#define cosim_lanes_{n} plain_{n}" for n in re.findall(r"cosim_lanes_(\w+)", _EXPORTED)]
         of_plain, code_of_plain = _over(TARGETS["baseline"], "component", [*source.settings(outputs), *names], included)

@@ -119,7 +119,9 @@ def compiled(kind: str, folder: Path) -> Compute:
     for file in MUSL.glob("*.[ch]"):
         (folder / "musl" / file.name).write_bytes(file.read_bytes())
     (folder / "fmu_math.h").write_bytes((RUNTIME / "fmu_math.h").read_bytes())
-    settings = f"#define LANES 1\n#define LANES_TARGET 0\n#define {kind} 8\n"
+    baseline = library.TARGETS["baseline"]
+    target = baseline.with_adjoints() if kind == "ADJOINTS" else baseline.with_tangents(8)
+    settings = "".join(f"#define {name} {value}\n" for name, value in target.settings.items())
     (folder / "operations.cpp").write_text(settings + CODE.replace("CASES", "\n".join(cases)))
     runtime = Path(library.__file__).with_name("runtime")
     include = [folder, runtime, engine.HEADER.parent, ENVIRONMENT.parent, RUNTIME]

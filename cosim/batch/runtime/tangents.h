@@ -4,11 +4,12 @@
 
 #include "expressions.h"
 
-enum { PART = 8, PARTS = TANGENTS / PART };
+/* A part fills a vector register: of longer vectors GCC makes code that is several times slower. */
+enum { PARTS = TANGENTS / PART };
 typedef double Part __attribute__((vector_size(8 * PART)));
 
 #define EACH_PART(expression) \
-    _Pragma("GCC unroll 8") for (int i = 0; i < PARTS; i++) expression
+    _Pragma("GCC unroll 32") for (int i = 0; i < PARTS; i++) expression
 
 struct Tangent;
 enum { TOGETHER = 4 }; /* operands that one call adds up: they are in registers */
