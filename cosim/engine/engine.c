@@ -214,7 +214,7 @@ INLINE int check_computed_finite(Engine *e) {
 COLD int solve_due(Engine *e, bool after_discrete) {
     for (int32_t i = 0; i < e->n_loops; i++) {
         if (!e->due[e->loops[i].clock] || (after_discrete && !e->loops[i].follows_discrete)) continue;
-        const int result = engine_solve(e, i);
+        const int result = engine_solve_events(e, i);
         if (result) return result;
     }
     return ENGINE_AT_END;

@@ -90,6 +90,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()
+    if exchange.loops and not restored:
+        exchange.engine.solve_initial_events()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)

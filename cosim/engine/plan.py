@@ -122,6 +122,7 @@ class LoopPlan:
     nominal: tuple[float, ...]
     start: tuple[float, ...]
     derivatives: tuple[DerivativePlan | None, ...]  # by component; empty: none offers them
+    read: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,7 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
     repeats = any(m in setup.repeated for m in loop.components)
     derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
+    events = any(m.description.interface == "me" and m.description.kind is None for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
@@ -198,6 +200,7 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
         start=tuple(loop.first_guess),
         derivatives=derivatives if any(derivatives) else (),
+        read=tuple(dict.fromkeys(layout.latest[c.source, c.output] for c in loop.connections)) if events else (),
     )
 
 
