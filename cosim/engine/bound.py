@@ -54,11 +54,12 @@ class BoundEngine:
             self._new(f"EngineComponent*[{e.n_components}]"),
             self._new(f"EnginePiece[{e.n_components}]"),
         )
-        self._named = *setup.loops, *setup.schedule.initial_loops
+        self._named = *setup.loops, *setup.schedule.initial_loops, *setup.late_loops
         self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
         self._starts = [np.array(loop.start) for loop in plan.loops]
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
-        e.loops, e.n_loops, e.n_initial = self._loops, plan.n_running, len(plan.loops) - plan.n_running
+        e.loops, e.n_loops, e.n_late = self._loops, plan.n_running, plan.n_late
+        e.n_initial = len(plan.loops) - plan.n_running - plan.n_late
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -129,7 +130,7 @@ class BoundEngine:
                 struct.n_derivatives,
             )
             for loop, struct in zip(self._named, self._loops or (), strict=True)
-        ]
+        ][: len(self._named) - len(self._setup.late_loops)]
 
     def fail(self, component: SystemComponent, call: int, status: int, t: float, h: float | None = None) -> None:
         """Raise the exception for an FMI call of a component with this status.
@@ -151,8 +152,10 @@ class BoundEngine:
         """Computed outputs become visible, and visible ones previous ones, of all components."""
         self._library.cosim_engine_publish(self._state)
 
-    def settle(self, components: Sequence[SystemComponent]) -> npt.NDArray[np.bool_]:
+    def settle(self, components: Sequence[SystemComponent], *, late: bool = False) -> npt.NDArray[np.bool_]:
         """Pass outputs to inputs of initialized components until nothing changes except for rounding.
+
+        `late`: with the late loops at once.
 
         Returns which of the values still change then. Raises what the calls raise.
         """
@@ -162,7 +165,7 @@ class BoundEngine:
         for start, loop in zip(self._starts, self._named, strict=True):
             start[:] = loop.first_guess
         pointers = self._address("bool*", chosen), self._address("double*", changes)
-        result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
+        result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values), late))
         if result not in (self.AT_END, self.UNSETTLED):
             self.raise_failure(result)
         return changes.astype(np.bool_)

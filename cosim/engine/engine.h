@@ -193,6 +193,7 @@ typedef struct {
     int32_t n_computed;
     EngineLoop *loops;          /* in the order in which they are solved */
     int32_t n_loops, n_initial; /* those of each exchange, and behind them those of initialization only */
+    int32_t n_late;             /* behind these, in the place of all of them where initial values do not settle */
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool check_finite;          /* an output that is NaN or infinite ends the run */
@@ -251,8 +252,9 @@ void engine_publish(Engine *e);
 /* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of
  * the components that `settles` says, NULL: all. Of values that still change, ENGINE_UNSETTLED, `before` is 1, else 0;
  * it has as many elements as there are values. Loops are solved from the start values of those outputs whose components
- * settle, and from the published values of the others. */
+ * settle, and from the published values of the others. If values do not settle, the late loops are solved instead. */
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
+int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_values);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_component(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);

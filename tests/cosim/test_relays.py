@@ -110,3 +110,25 @@ def test_a_run_with_a_tolerance_meets_it_with_relays(folder, version):
     is_open = found["m0.open"]
     assert is_open.tolist() == sorted(is_open)
     assert np.allclose(found["m0.y"], found.time + 2.0 * is_open, rtol=1e-4)
+
+
+@VERSIONS
+def test_initial_values_of_a_loop_through_a_sampled_component_are_solved(folder, version):
+    """Those of y = 2 u + 1 and, once per sample, y = -3 u + 1 would grow if they were passed on."""
+    names = ["plant.y", "controller.y"]
+    with System() as system:
+        shifts = {"plant": (2.0, 0.5), "controller": (-3.0, -1.0 / 3.0)}
+        for name, (gain, shift) in shifts.items():
+            kind = "discrete" if name == "controller" else "continuous"
+            given = {"gain": gain, "on": 1e9}
+            system.add(name, relay.build(version, folder), step=STEP, kind=kind, parameters=given, start={"a": shift})
+        system.connect("plant.y", "controller.u")
+        system.connect("controller.y", "plant.u")
+        with system.initialize(record=names) as begun:
+            expected = [begun[n] for n in names]
+        path = system.export_fmu(folder / f"Sampled{version}.fmu", fmi=version)
+    assert np.allclose(expected, [3.0 / 7.0, -2.0 / 7.0], rtol=1e-8)
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step=STEP)
+        with system.initialize(record=[f"s.{n}" for n in names]) as begun:
+            assert [begun[f"s.{n}"] for n in names] == expected
