@@ -61,6 +61,7 @@ class FmiCalls:
     states: Mapping[str, int] | None = None  # fmiXGetFMUState, fmiXSetFMUState, fmiXFreeFMUState: `get`, `set`, `free`
     derivative: int = 0  # fmiXGetDirectionalDerivative, where the FMU offers it
     stepped: int = 0  # what `do_step` gets instead of the instance: its integrator
+    integrated: bool = False  # `do_step` at NaN updates its discrete states alone
     foreign: bool = False  # the floating-point environment is put back after its calls
     changed: Callable[[int], None] = lambda bits: None  # says what it has changed there
     follow: Callable[[Any, Any, Any], None] | None = None

@@ -137,7 +137,7 @@ class LoopNotSolved(CallFailed):
     """An algebraic loop has no solution at `at` [s], or jumps there.
 
     `values`: name, value and residual of each unknown; `path`: the connections of the loop, as text; `culprit`: an
-    output that was not finite where the solution ended.
+    output that was not finite where the solution ended; `switches`: discrete states change with every solution.
     """
 
     def __init__(
@@ -148,14 +148,22 @@ class LoopNotSolved(CallFailed):
         at: float,
         path: str,
         culprit: NotFinite | None = None,
+        switches: bool = False,
     ):
         self.values, self.tolerance, self.at, self.path, self.culprit = values, tolerance, at, path, culprit
+        self.switches = switches
         super().__init__(component, "algebraic loop", 3)
         self.status = "not solved"
 
     def _text(self, time: float | None) -> str:  # noqa: ARG002
         found = ", ".join(f"{n} = {z:.9g} (residual {r:.3g})" for n, z, r in self.values[:8])
         more = f" and {len(self.values) - 8} more" if len(self.values) > 8 else ""
+        if self.switches:
+            return (
+                f"the algebraic loop through '{self.component}' has no solution at t = {self.at:.9g} s: discrete states"
+                f" of its components change again with each solution, at last {found}{more}\n{self.path}"
+                + surface.hint("\nGive one of these connections delay=True (one step of delay).")
+            )
         if self.culprit is not None:
             more += f", where {self.culprit.component}.{self.culprit.variable} is {self.culprit.value}"
         return (

@@ -58,7 +58,7 @@ static int refresh(Engine *e, EngineAdaptive *a, bool after) {
         const int32_t loop = -1 - a->refreshed[i];
         int result = ENGINE_AT_END;
         if (loop >= 0) {
-            if (after || !e->loops[loop].repeats) result = engine_solve(e, loop);
+            if (after || !e->loops[loop].repeats) result = engine_solve_events(e, loop);
         } else {
             const EngineComponent *m = &e->components[a->refreshed[i]];
             result = engine_exchange(e, m, NAN);

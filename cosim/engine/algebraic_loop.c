@@ -1,11 +1,13 @@
 /* Solves an algebraic loop: see engine.h. */
 #include "engine.h"
 
+#include "environment.h"
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12, WARNING = 1, DISCARD = 2, ERROR = 3 };
+enum { MOST_ITERATIONS = 50, MOST_HALVINGS = 12, MOST_EVENTS = 100, WARNING = 1, DISCARD = 2, ERROR = 3 };
 #define DIFFERENCE 0x1p-20   /* by which an unknown is changed for the Jacobian, relative to its size */
 #define SUFFICIENT 1e-4      /* a step of Newton's method must reduce the residual by this share of what it promises */
 #define POOR 0.1             /* a step that leaves a larger share of the residual outdates the Jacobian */
@@ -184,6 +186,7 @@ static int search(Engine *e, EngineLoop *l, double size, const double *z, const 
 static int no_solution(Engine *e, const EngineLoop *l, int32_t loop) {
     put(e, l, l->work);
     e->component = loop;
+    e->call = 0;
     return ENGINE_NO_SOLUTION;
 }
 
@@ -222,4 +225,52 @@ int engine_solve(Engine *e, int32_t loop) {
     l->n_solutions++;
     if (l->n_evaluations - before > l->most_evaluations) l->most_evaluations = l->n_evaluations - before;
     return ENGINE_AT_END;
+}
+
+/* Discrete states follow the inputs. A component that refuses it, or asks for the end, does so again in its step. */
+static int update_discrete(Engine *e, const EngineLoop *l) {
+    for (int32_t i = 0; i < l->n_components; i++) {
+        const EngineComponent *m = &e->components[l->components[i]];
+        if (!m->integrated || !m->fmi) continue;
+        const int result = engine_step(e, m, NAN);
+        engine_put_back_environment(e, m);
+        if (!result || e->status == DISCARD) continue;
+        e->component = l->components[i];
+        return result;
+    }
+    return ENGINE_AT_END;
+}
+
+/* A number that is another one as soon as a value is that the loop's components read of each other. */
+static uint64_t fingerprint(const Engine *e, const EngineLoop *l) {
+    uint64_t found = UINT64_C(0xcbf29ce484222325);
+    for (uint32_t k = 0; k < l->n_read; k++) {
+        uint64_t bits;
+        memcpy(&bits, &e->values[l->read[k]], sizeof bits);
+        found = (found ^ bits) * UINT64_C(0x100000001b3);
+    }
+    return found;
+}
+
+int engine_solve_events(Engine *e, int32_t loop) {
+    const EngineLoop *l = &e->loops[loop];
+    int result = engine_solve(e, loop);
+    if (result || !l->n_read) return result;
+    for (int32_t i = 0; i < MOST_EVENTS; i++) {
+        const uint64_t before = fingerprint(e, l);
+        result = update_discrete(e, l);
+        if (!result) result = engine_solve(e, loop);
+        if (result || fingerprint(e, l) == before) return result;
+    }
+    e->component = loop;
+    e->call = 1;
+    return ENGINE_NO_SOLUTION;
+}
+
+int engine_solve_initial_events(Engine *e) {
+    e->environment = environment_bits();
+    int result = ENGINE_AT_END;
+    for (int32_t i = 0; i < e->n_loops && !result; i++)
+        if (!e->loops[i].repeats && e->loops[i].n_read) result = engine_solve_events(e, i);
+    return result;
 }

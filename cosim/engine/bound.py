@@ -54,11 +54,12 @@ class BoundEngine:
             self._new(f"EngineComponent*[{e.n_components}]"),
             self._new(f"EnginePiece[{e.n_components}]"),
         )
-        self._named = *setup.loops, *setup.schedule.initial_loops
+        self._named = *setup.loops, *setup.schedule.initial_loops, *setup.late_loops
         self._work = [np.zeros(self._library.cosim_engine_loop_work(len(loop.nominal))) for loop in plan.loops]
         self._starts = [np.array(loop.start) for loop in plan.loops]
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
-        e.loops, e.n_loops, e.n_initial = self._loops, plan.n_running, len(plan.loops) - plan.n_running
+        e.loops, e.n_loops, e.n_late = self._loops, plan.n_running, plan.n_late
+        e.n_initial = len(plan.loops) - plan.n_running - plan.n_late
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -95,7 +96,7 @@ class BoundEngine:
             raise failure
         t = setup.base.seconds(self.tick)
         if result == self.NO_SOLUTION:
-            self._raise_no_solution(e.component, t)
+            self._raise_no_solution(e.component, t, switches=bool(e.call))
         if result == self._library.ENGINE_NO_STEP:
             assert setup.adaptive is not None
             raise setup.adaptive.failure(t)
@@ -109,12 +110,13 @@ class BoundEngine:
             calls.call_failed("SetFMUState" if e.call else "GetFMUState", e.status)
         self.fail(component, e.call, e.status, t, self._components[e.component].step)
 
-    def _raise_no_solution(self, number: int, t: float) -> None:
+    def _raise_no_solution(self, number: int, t: float, *, switches: bool) -> None:
         loop, work = self._named[number], self._work[number]
         culprit = self._setup.layout.not_finite(loop.components)
         n = len(loop.unknowns)
         values = [(f"{m.name}.{v.name}", z, r) for (m, v), z, r in zip(loop.unknowns, work[:n], work[n:], strict=False)]
-        raise LoopNotSolved(loop.components[0].name, values, self._setup.loop_tolerance, t, str(loop), culprit)
+        name, tolerance = loop.components[0].name, self._setup.loop_tolerance
+        raise LoopNotSolved(name, values, tolerance, t, str(loop), culprit, switches)
 
     @property
     def loop_effort(self) -> list[LoopEffort]:
@@ -128,7 +130,7 @@ class BoundEngine:
                 struct.n_derivatives,
             )
             for loop, struct in zip(self._named, self._loops or (), strict=True)
-        ]
+        ][: len(self._named) - len(self._setup.late_loops)]
 
     def fail(self, component: SystemComponent, call: int, status: int, t: float, h: float | None = None) -> None:
         """Raise the exception for an FMI call of a component with this status.
@@ -150,8 +152,10 @@ class BoundEngine:
         """Computed outputs become visible, and visible ones previous ones, of all components."""
         self._library.cosim_engine_publish(self._state)
 
-    def settle(self, components: Sequence[SystemComponent]) -> npt.NDArray[np.bool_]:
+    def settle(self, components: Sequence[SystemComponent], *, late: bool = False) -> npt.NDArray[np.bool_]:
         """Pass outputs to inputs of initialized components until nothing changes except for rounding.
+
+        `late`: with the late loops at once.
 
         Returns which of the values still change then. Raises what the calls raise.
         """
@@ -161,10 +165,16 @@ class BoundEngine:
         for start, loop in zip(self._starts, self._named, strict=True):
             start[:] = loop.first_guess
         pointers = self._address("bool*", chosen), self._address("double*", changes)
-        result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values)))
+        result = self._call(0, lambda: self._library.cosim_engine_settle(self._state, *pointers, len(values), late))
         if result not in (self.AT_END, self.UNSETTLED):
             self.raise_failure(result)
         return changes.astype(np.bool_)
+
+    def solve_initial_events(self) -> None:
+        """Solve loops again whose discrete states the first event iteration has changed."""
+        result = self._call(0, lambda: self._library.cosim_engine_solve_initial_events(self._state))
+        if result != self.AT_END:
+            self.raise_failure(result)
 
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
@@ -258,6 +268,8 @@ class BoundEngine:
             "nominal": self._pointer("double*", np.array(plan.nominal)),
             "start": self._pointer("double*", start),
             "tolerance": self._setup.loop_tolerance,
+            "read": self._slots(plan.read),
+            "n_read": len(plan.read),
             "derivatives": self._array(
                 "EngineDerivative",
                 [*map(self._derivative, plan.components, plan.derivatives)] if plan.derivatives else [],
@@ -288,7 +300,7 @@ class BoundEngine:
         setattr(m, f"step{calls.version}", ffi.cast(f"EngineStep{calls.version}", calls.do_step))
         if calls.version == 3:
             m.flags, m.last = ffi.cast("bool*", calls.flags), ffi.cast("double*", calls.last)
-        m.foreign = calls.foreign
+        m.foreign, m.integrated = calls.foreign, calls.integrated
         m.sets, m.n_sets = engine_transfers(calls.version, calls.sets, self._keep), len(calls.sets)
         m.gets, m.n_gets = engine_transfers(calls.version, calls.gets, self._keep), len(calls.gets)
         m.direct = len(calls.sets) == len(calls.gets) == 1 and all(

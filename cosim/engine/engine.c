@@ -214,7 +214,7 @@ INLINE int check_computed_finite(Engine *e) {
 COLD int solve_due(Engine *e, bool after_discrete) {
     for (int32_t i = 0; i < e->n_loops; i++) {
         if (!e->due[e->loops[i].clock] || (after_discrete && !e->loops[i].follows_discrete)) continue;
-        const int result = engine_solve(e, i);
+        const int result = engine_solve_events(e, i);
         if (result) return result;
     }
     return ENGINE_AT_END;
@@ -288,8 +288,8 @@ int engine_exchange(Engine *e, const EngineComponent *m, double t) {
     return result;
 }
 
-static bool is_in_loop(const Engine *e, int32_t component) {
-    for (int32_t i = 0; i < e->n_loops + e->n_initial; i++)
+static bool is_in_loop(const Engine *e, int32_t first, int32_t end, int32_t component) {
+    for (int32_t i = first; i < end; i++)
         for (int32_t k = 0; k < e->loops[i].n_components; k++)
             if (e->loops[i].components[k] == component) return true;
     return false;
@@ -305,19 +305,19 @@ static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
     }
 }
 
-int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
+/* With loops from number `first` to before `end`. */
+static int settle(Engine *e, const bool *settles, double *before, size_t n_values, int32_t first, int32_t end) {
     e->environment = environment_bits();
-    const int32_t n_loops = e->n_loops + e->n_initial;
-    for (int32_t i = 0; i < n_loops; i++) begin_loop(e, &e->loops[i], settles);
+    for (int32_t i = first; i < end; i++) begin_loop(e, &e->loops[i], settles);
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
         for (int32_t i = 0; i < e->n_components; i++) {
-            if ((settles && !settles[i]) || is_in_loop(e, i)) continue;
+            if ((settles && !settles[i]) || is_in_loop(e, first, end, i)) continue;
             const int result = engine_exchange(e, &e->components[i], 0.0);
             if (result) return result;
             engine_publish(e);
         }
-        for (int32_t i = 0; i < n_loops; i++) {
+        for (int32_t i = first; i < end; i++) {
             const int result = engine_solve(e, i);
             if (result) return result;
             engine_publish(e);
@@ -331,4 +331,19 @@ int engine_settle(Engine *e, const bool *settles, double *before, size_t n_value
         if (!moved) return ENGINE_AT_END;
     }
     return ENGINE_UNSETTLED;
+}
+
+int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_values) {
+    const int32_t first = e->n_loops + e->n_initial;
+    const int result = settle(e, settles, before, n_values, first, first + e->n_late);
+    if (result != ENGINE_NO_SOLUTION) return result;
+    const EngineLoop *l = &e->loops[e->component];
+    memset(before, 0, n_values * sizeof(double));
+    for (int32_t k = 0; k < l->n; k++) before[l->published[k]] = 1.0;
+    return ENGINE_UNSETTLED;
+}
+
+int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
+    const int result = settle(e, settles, before, n_values, 0, e->n_loops + e->n_initial);
+    return result == ENGINE_UNSETTLED && e->n_late ? engine_settle_late(e, settles, before, n_values) : result;
 }

@@ -104,6 +104,7 @@ typedef struct {
     int32_t n_sets, n_gets;
     int32_t direct;             /* there is one of each, and their data are u and y */
     int32_t foreign;            /* the floating-point environment is restored after its calls */
+    int32_t integrated;         /* a step at NaN updates its discrete states alone: integrator.h */
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineComponent;
 
@@ -137,6 +138,8 @@ typedef struct {
     const double *nominal;      /* of n */
     const double *start;        /* of n: the first guess at initialization, from start values of driven inputs */
     double tolerance;           /* of |G(z) - z| / max(nominal, |z|) */
+    const uint32_t *read;       /* of n_read: slots of all outputs that its components read of each other, if one of */
+    uint32_t n_read;            /* these is integrated; they tell whether discrete states have changed */
     const EngineDerivative *derivatives; /* of n_components; NULL: none offers them */
     double *work;               /* of engine_loop_work(n); first the unknowns, then their residuals */
     int64_t n_solutions, n_evaluations, n_derivatives;
@@ -190,6 +193,7 @@ typedef struct {
     int32_t n_computed;
     EngineLoop *loops;          /* in the order in which they are solved */
     int32_t n_loops, n_initial; /* those of each exchange, and behind them those of initialization only */
+    int32_t n_late;             /* behind these, in the place of all of them where initial values do not settle */
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool check_finite;          /* an output that is NaN or infinite ends the run */
@@ -238,14 +242,19 @@ bool engine_finite(const double *y, size_t n);
  * Jacobian is outdated, another one is of differences alone. Between them are Broyden's updates. NaN or Discard at a
  * trial point halves the step. Published values that solve the loop are left as they are. */
 int engine_solve(Engine *e, int32_t loop);
+/* The same after initialization, and again as long as discrete states of integrated components follow the values. */
+int engine_solve_events(Engine *e, int32_t loop);
+/* The same of all loops with such components, after initialization. */
+int engine_solve_initial_events(Engine *e);
 size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
 void engine_publish(Engine *e);
 /* Initialization: pass outputs to inputs, in order of execution, until no value changes but for rounding. Only those of
  * the components that `settles` says, NULL: all. Of values that still change, ENGINE_UNSETTLED, `before` is 1, else 0;
  * it has as many elements as there are values. Loops are solved from the start values of those outputs whose components
- * settle, and from the published values of the others. */
+ * settle, and from the published values of the others. If values do not settle, the late loops are solved instead. */
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
+int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_values);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_component(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);

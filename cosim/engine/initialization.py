@@ -18,6 +18,7 @@ from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
 from cosim.fmu.clocked_steps import ClockNetwork
 from cosim.system.components import Connection, SystemComponent
+from cosim.system.loops import sampled_loops
 from cosim.system.renewal import renewed
 
 
@@ -70,6 +71,10 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.loops = loops_of(exchange.schedule, measured)
         exchange.forget()
     unsettled = _settle(exchange, fresh)
+    if unsettled and not (restored or exchange.late_loops):
+        exchange.late_loops = sampled_loops(exchange.schedule.connections)
+        exchange.forget()
+        unsettled = _settle(exchange, fresh, late=True) if exchange.late_loops else unsettled
     if unsettled:
         warnings.warn(
             f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
@@ -90,6 +95,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()
+    if exchange.loops and not restored:
+        exchange.engine.solve_initial_events()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
@@ -240,9 +247,9 @@ def _continued(exchange: Exchange, state: SystemState) -> list[SystemComponent]:
     return restored
 
 
-def _settle(exchange: Exchange, components: Sequence[SystemComponent]) -> list[str]:
+def _settle(exchange: Exchange, components: Sequence[SystemComponent], *, late: bool = False) -> list[str]:
     """Pass outputs to inputs until nothing changes except for rounding; returns the values that still change."""
-    changes = exchange.engine.settle(components)
+    changes = exchange.engine.settle(components, late=late)
     return [
         f"{component}.{variable}"
         for (part, component, variable), changed in zip(exchange.layout.keys, changes, strict=True)

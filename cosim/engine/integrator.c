@@ -680,6 +680,7 @@ uint32_t integrator_begin(void *integrator, double t) {
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior) {
     Integrator *const s = integrator;
     s->no_set_prior = no_set_prior != 0;
+    if (t != t) t = s->memory.time, h = 0.0;
     if (!(size_of(t - s->memory.time) <= 2.0 * resolution(t, h))) s->memory.time = t; /* not where a time event was */
     if (!solves(&s->setup)) s->memory.implicit = 0; /* whatever a saved state says */
     if (s->setup.foreign) environment_begin(s->environment);

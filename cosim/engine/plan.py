@@ -49,6 +49,7 @@ class Setup:
         self.tolerance = tolerance
         self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
+        self.late_loops: tuple[AlgebraicLoop, ...] = schedule.late_loops  # initialization adds them
         self.repeated: Mapping[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
         self.layout: Layout = make_layout(schedule, record, watch)
@@ -122,6 +123,7 @@ class LoopPlan:
     nominal: tuple[float, ...]
     start: tuple[float, ...]
     derivatives: tuple[DerivativePlan | None, ...]  # by component; empty: none offers them
+    read: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class Plan:
     components: tuple[ComponentPlan, ...]
     loops: tuple[LoopPlan, ...]
     n_running: int  # of the loops, those that are solved at each exchange; the others are so in initialization only
+    n_late: int  # of the loops, the last ones: they take the place of all others where initial values do not settle
     n_discrete: int
     clocks: tuple[Clock, ...]
     time: tuple[int, int, int]
@@ -152,8 +155,9 @@ def make_plan(setup: Setup) -> Plan:
     return Plan(
         size=len(layout.values),
         components=tuple(_component(layout, m, c, m in seidel) for m, c in zip(schedule.components, own, strict=True)),
-        loops=tuple(_loop(setup, loop, own) for loop in (*setup.loops, *schedule.initial_loops)),
+        loops=tuple(_loop(setup, loop, own) for loop in (*setup.loops, *schedule.initial_loops, *setup.late_loops)),
         n_running=len(setup.loops),
+        n_late=len(setup.late_loops),
         n_discrete=len(schedule.discrete),
         clocks=(*clocks, setup.clocks[-1]),
         time=setup.base.integers(),
@@ -188,16 +192,22 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     driven = any(c.target in loop.components and c.source.discrete for c in setup.schedule.connections)
     repeats = any(m in setup.repeated for m in loop.components)
     derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
+
+    def latest(key: tuple[SystemComponent, Variable]) -> int:
+        return layout.latest.get(key, layout.visible[key])  # a discrete one shows its outputs at once
+
+    events = any(m.description.interface == "me" and m.description.kind is None for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
         follows_discrete=driven and not repeats,
         repeats=repeats,
         published=tuple(layout.visible[key] for key in loop.unknowns),
-        computed=tuple(layout.latest[key] for key in loop.unknowns),
+        computed=tuple(latest(key) for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
         start=tuple(loop.first_guess),
         derivatives=derivatives if any(derivatives) else (),
+        read=tuple(dict.fromkeys(latest((c.source, c.output)) for c in loop.connections)) if events else (),
     )
 
 

@@ -222,6 +222,7 @@ class SystemCode:
             loops=[_loop(p) for p in self.plan.loops],
             tolerance=c_number(self.setup.loop_tolerance),
             n_running=self.plan.n_running,
+            n_late=self.plan.n_late,
             n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked],
             clocks=self.plan.clocks[:-1],

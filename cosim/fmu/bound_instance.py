@@ -136,6 +136,7 @@ class BoundInstance(FmuInstance):
             derivative=self._derivative_call(),
             call_failed=self._fail if self.clocked is None else lambda *_: self.clocked.fail(),  # type: ignore[union-attr]
             step_failed=self._step_failed,
+            integrated=self.integration is not None and self.description.kind is None,
             foreign=self.foreign,
             changed=self._tell_changed,
             follow=next((own.follow for own in (self._intermediate, self.clocked) if own), None),

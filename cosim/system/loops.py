@@ -85,18 +85,33 @@ def _has_given_start(connection: Connection) -> bool:
     return connection.input.name in connection.target.values
 
 
+def sampled_loops(connections: Iterable[Connection]) -> tuple[AlgebraicLoop, ...]:
+    """All loops among initial values, if discrete components are in some: where passing on values does not settle."""
+
+    def initially(component: SystemComponent, output: str) -> frozenset[str] | None:
+        return component.description.initial_dependencies.get(output, declared(component, output))
+
+    found = find_loops(connections, initially, sampled=True)
+    loops = tuple(loop for loop in found if all(v.type == "real" for _, v in loop.unknowns))
+    return loops if any(m.discrete for loop in loops for m in loop.components) else ()
+
+
 def numeric(connections: Iterable[Connection]) -> list[Connection]:
     """Connections of numbers: no equation is solved for texts, which take a step on each connection."""
     return [c for c in connections if c.output.type in RECORDABLE]
 
 
-def find_loops(connections: Iterable[Connection], depends: Depends) -> list[AlgebraicLoop]:
-    """Loops among continuous components, each after those whose values it needs.
+def find_loops(connections: Iterable[Connection], depends: Depends, *, sampled: bool = False) -> list[AlgebraicLoop]:
+    """Loops among continuous components, each after those whose values it needs; `sampled`: among all components.
 
     No two of them share an output.
     """
     undelayed = sorted(
-        (c for c in numeric(connections) if not (c.delay or c.source.discrete or c.target.discrete or c.input.clocks)),
+        (
+            c
+            for c in numeric(connections)
+            if not (c.delay or c.input.clocks) and (sampled or not (c.source.discrete or c.target.discrete))
+        ),
         key=lambda c: (c.source_name, c.target_name),
     )
     numbers: dict[_Output, int] = {}

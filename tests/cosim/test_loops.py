@@ -372,14 +372,28 @@ def test_an_integrator_breaks_it():
     np.testing.assert_array_equal(result["a.y"][:2], [1, 1])
 
 
-def test_sampling_breaks_it(warns):
-    """Once per sample x = 2 x + 1: what a sampled controller of this gain does to a plant without memory."""
+def test_sampling_breaks_it():
+    """Once per sample x = 2 (2 x + 1) + 2: what a sampled controller of this gain does to a plant without memory.
+
+    The initial values solve the equations of the loop, x = 2 (2 x + 1) + 1, by which they do not settle.
+    """
     system = ring(Sampled(), Declared())
-    with warns(UserWarning):
-        simulation = system.initialize(record=["a.y"])
+    simulation = system.initialize(record=["a.y"])
+    assert abs(simulation["a.y"] + 1.0) < 1e-8
+    assert simulation.recording.loops == ()
+    simulation.set("a.shift", 2.0)
     simulation.advance(0.005)
     y = simulation.recording["a.y"]
-    np.testing.assert_array_equal(y[2:5], 2 * (2 * y[1:4] + 1) + 1)
+    np.testing.assert_array_equal(y[2:5], 2 * (2 * y[1:4] + 1) + 2)
+    assert y[5] > 300.0
+
+
+def test_initial_values_of_a_sampled_loop_without_a_solution_are_warned_of(warns):
+    """The values y = 2 u + 1 and y = u / 2 have none."""
+    system = ring(Sampled(), Declared())
+    system["b"].set(gain=0.5, shift=0.0)
+    with warns(UserWarning):
+        system.initialize(record=["a.y"])
 
 
 class Sampled(Declared):

@@ -117,7 +117,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->engine = (Engine){.values = self->values, .components = self->bound, .n_components = P->n_components,
                             .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
                             .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
-                            .loops = part[17], .n_loops = P->n_running, .n_initial = P->n_loops - P->n_running,
+                            .loops = part[17], .n_loops = P->n_running, .n_late = P->n_late,
+                            .n_initial = P->n_loops - P->n_running - P->n_late,
                             .check_finite = true, .back = container_repeat, .context = self};
     self->repeated = part[20];
     self->texts = part[21];

@@ -34,6 +34,7 @@ FmuStatus container_bind(FmuInstance *self) {
             .flags = self->flags + 4 * i,
             .last = self->last + i,
             .foreign = p->folder != NULL,
+            .integrated = p->integrated && p->folder,
             .no_set_prior = 0,
             .n_sets = p->n_sets,
             .n_gets = p->n_gets};

@@ -169,6 +169,11 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
         if (get_outputs(self, i, &self->bound[i])) result = container_call_failed(self, i);
     container_say_changes(self);
     engine_publish(&self->engine);
+    if (result == FMU_OK) {
+        const int solved = engine_solve_initial_events(&self->engine);
+        if (solved == ENGINE_CALL_FAILED) result = container_call_failed(self, self->engine.component);
+        else if (solved) result = container_not_solved(self);
+    }
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
     container_repeat_steps(self);

@@ -129,6 +129,7 @@ typedef struct {
     int32_t n_clocks;
     const EngineLoop *loops;         /* without work */
     int32_t n_loops, n_running;      /* all, and those that are solved after initialization too */
+    int32_t n_late;                  /* the last ones, Engine.n_late */
     int64_t a, d;                    /* the tick is a / d seconds */
     uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
     uint32_t n_published;

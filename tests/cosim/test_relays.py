@@ -1,0 +1,134 @@
+"""Algebraic loops through Model Exchange FMUs whose discrete states follow the values of the loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from foreign import relay
+from same import bits
+
+from cosim import ComponentError, CosimError, System
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+ISOLATED = pytest.mark.parametrize("isolated", [False, True], ids=["in process", "isolated"])
+STEP = "0.125 s"
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("relays")
+
+
+def ring(path, *parameters, isolated=False):
+    """Relays `m0`, `m1`, ..., each of which reads y of the one before; `a` of the first one is the time."""
+    system = System()
+    system.add("ramp", path, step=STEP, parameters={"gain": 0.0, "on": -1.0, "off": -1.0})  # x is the time
+    for i, given in enumerate(parameters):
+        system.add(f"m{i}", path, step=STEP, isolated=isolated, parameters=given)
+    for i in range(len(parameters)):
+        system.connect(f"m{i}.y", f"m{(i + 1) % len(parameters)}.u")
+    system.connect("ramp.x", "m0.a")
+    return system
+
+
+def one(path, *, isolated=False, **parameters):
+    """Its y is t + y/2, or t + y/2 + offset, so y = t and t + 2 offset; it opens where 2 t >= 0.95, so at 0.5 s."""
+    return ring(path, {"on": 0.95, "off": 0.95, **parameters}, isolated=isolated)
+
+
+def two(path, *, isolated=False):
+    """The second relay opens at 0.5 s, and so does the first one, since the second is open."""
+    return ring(path, {"on": 1.9, "off": 1.9}, {"on": 0.3, "off": 0.3}, isolated=isolated)
+
+
+@ISOLATED
+@VERSIONS
+def test_a_relay_opens_where_the_loop_reaches_its_limit(folder, version, isolated):
+    with one(relay.build(version, folder), isolated=isolated) as system:
+        found = system.run(1.0, record=["m0.y", "m0.open"])
+    is_open = found.time >= 0.5
+    assert found["m0.open"].tolist() == is_open.tolist()
+    assert np.allclose(found["m0.y"], found.time + 2.0 * is_open, rtol=1e-8)
+
+
+@ISOLATED
+@VERSIONS
+def test_relays_that_open_each_other_do_so_at_once(folder, version, isolated):
+    with two(relay.build(version, folder), isolated=isolated) as system:
+        found = system.run(1.0, record=["m*.y", "m*.open"])
+    is_open = found.time >= 0.5
+    for name in ("m0.open", "m1.open"):
+        assert found[name].tolist() == is_open.tolist()
+    sums = (found.time + 1.5 * is_open) * 4.0 / 3.0  # u + a of the first one
+    assert np.allclose(found["m0.y"], sums / 2.0 + is_open, rtol=1e-8)
+    assert np.allclose(found["m1.y"], sums / 4.0 + 1.5 * is_open, rtol=1e-8)
+
+
+@VERSIONS
+def test_the_first_event_iteration_is_a_part_of_the_loop(folder, version):
+    with one(relay.build(version, folder), on=-1.0, off=-1.0) as system, system.initialize(record=["m0.*"]) as begun:
+        assert begun["m0.open"] == 1.0
+        assert abs(begun["m0.y"] - 2.0) < 1e-8
+
+
+@VERSIONS
+def test_a_relay_that_closes_where_it_opens_ends_the_run_by_name(folder, version):
+    text = r"loop through 'm0' has no solution at t = 0\.5 s: discrete states of its components change again"
+    with one(relay.build(version, folder), offset=-4.0) as system, pytest.raises(ComponentError, match=text) as ended:
+        system.run(1.0, record=["m0.y"])
+    assert ended.value.recording.time[-1] == 0.375
+
+
+@VERSIONS
+def test_an_exported_system_does_the_same(folder, version):
+    names = ["m0.y", "m1.y", "m0.open", "m1.open"]
+    with two(relay.build(version, folder)) as system:
+        expected = system.run(1.0, record=names)
+        path = system.export_fmu(folder / f"Two{version}.fmu", fmi=version)
+    with System() as system:
+        system.add("s", path, step=STEP)
+        found = system.run(1.0, record=[f"s.{n}" for n in names])
+    for name in names:
+        assert bits(found[f"s.{name}"]).tolist() == bits(expected[name]).tolist()
+
+
+def test_an_exported_system_without_a_solution_says_so(folder):
+    with one(relay.build(3, folder), offset=-4.0) as system:
+        path = system.export_fmu(folder / "None.fmu")
+    with System() as system:
+        system.add("s", path, step=STEP)
+        with pytest.raises(CosimError, match=r"time 0\.5 s: discrete states of its components change again"):
+            system.run(1.0)
+
+
+@VERSIONS
+def test_a_run_with_a_tolerance_meets_it_with_relays(folder, version):
+    with one(relay.build(version, folder)) as system:
+        found = system.run(1.0, record=["m0.y", "m0.open"], tolerance=1e-4)
+    is_open = found["m0.open"]
+    assert is_open.tolist() == sorted(is_open)
+    assert np.allclose(found["m0.y"], found.time + 2.0 * is_open, rtol=1e-4)
+
+
+@VERSIONS
+def test_initial_values_of_a_loop_through_a_sampled_component_are_solved(folder, version):
+    """Those of y = 2 u + 1 and, once per sample, y = -3 u + 1 would grow if they were passed on."""
+    names = ["plant.y", "controller.y"]
+    with System() as system:
+        shifts = {"plant": (2.0, 0.5), "controller": (-3.0, -1.0 / 3.0)}
+        for name, (gain, shift) in shifts.items():
+            kind = "discrete" if name == "controller" else "continuous"
+            given = {"gain": gain, "on": 1e9}
+            system.add(name, relay.build(version, folder), step=STEP, kind=kind, parameters=given, start={"a": shift})
+        system.connect("plant.y", "controller.u")
+        system.connect("controller.y", "plant.u")
+        with system.initialize(record=names) as begun:
+            expected = [begun[n] for n in names]
+        path = system.export_fmu(folder / f"Sampled{version}.fmu", fmi=version)
+    assert np.allclose(expected, [3.0 / 7.0, -2.0 / 7.0], rtol=1e-8)
+    with System(allow_unconnected=True) as system:
+        system.add("s", path, step=STEP)
+        with system.initialize(record=[f"s.{n}" for n in names]) as begun:
+            assert [begun[f"s.{n}"] for n in names] == expected
