@@ -14,7 +14,8 @@ from built import NAMES
 from sanitized import FLAGS, gcc, kept_object
 
 DRIVER = Path(__file__).with_name("driver.c")
-COSTLY = {"FullCarHmmwvPublic"}  # gcc takes half a minute for its equations with these flags
+COSTLY = {"FullCarHmmwvPublic", "FullCarHmmwvTires", "ThreeAxleTrench"}
+"""Plants for whose equations gcc takes 10 to 30 seconds with these flags; others have the same kinds of statements."""
 
 
 def _full_where_costly(name: str) -> Any:
