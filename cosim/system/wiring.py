@@ -217,7 +217,7 @@ class Wiring:
         if len(shapes) == 2 and len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1]:
             sizes = [" x ".join(map(str, shape)) for shape in shapes]
             raise WiringError(
-                f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect their elements one by one"
+                f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect element by element"
             )
         made = [
             self._connection(
