@@ -216,9 +216,7 @@ class Wiring:
         shapes = [split_index(v[-1].name)[1] for v in (outputs, inputs) if len(v) > 1]
         if len(shapes) == 2 and len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1]:
             sizes = [" x ".join(map(str, shape)) for shape in shapes]
-            raise WiringError(
-                f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect their elements one by one"
-            )
+            raise WiringError(f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect element by element")
         made = [
             self._connection(
                 (from_component, o),

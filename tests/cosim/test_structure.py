@@ -67,7 +67,7 @@ def test_matrices_of_other_shapes_are_not_connected(fmu: Path, tmp_path: Path) -
         making.redescribed(fmu, more, (square, square + b'<Dimension valueReference="51"/>'), (first, size + first))
         system.add("a", more, step=1, parameters={"n": 4, "m": 2})
         system.add("b", more, step=1, parameters={"n": 2, "m": 4})
-        with pytest.raises(WiringError, match=r"a\.sum has 4 x 2 elements, b\.u has 2 x 4: connect their elements one"):
+        with pytest.raises(WiringError, match=r"a\.sum has 4 x 2 elements, b\.u has 2 x 4: connect element by element"):
             system.connect("a.sum", "b.u")
         assert len(system.connect("a.sum", "a.u")) == 8
 
