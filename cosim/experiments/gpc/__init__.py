@@ -2,7 +2,7 @@
 
 `runs` wires, runs and measures; `matching` looks for the weight that gives a controller another's response;
 `published` has the paper's conditions and the plan of the study; `results` reads numbers off it. `claims.toml` has the
-claims, `judge` judges them, `report` lays out. `identify` derives the controllers again.
+claims, `claims` judges them, `report` lays out. `identify` derives the controllers again.
 """
 
 from cosim.experiments.layout import experiment
