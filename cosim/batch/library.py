@@ -18,6 +18,7 @@ from build_fmus.base.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.lane_source import MUSL, LaneSource
 from cosim.batch.lane_source import RUNTIME as OF_FMUS
+from cosim.batch.unread_outputs import without_unread_outputs
 from cosim.core.c_headers import declarations
 from cosim.core.errors import CosimError
 from cosim.engine import library as engine
@@ -180,7 +181,7 @@ def _lane_files(
     if target.directions:
         files |= {n: source.files[n] for n in source.solvers}
         sources += source.solvers
-    files["model.c"] = source.files["model.c"]
+    files["model.c"] = without_unread_outputs(source.files["model.c"].decode(), outputs).encode()
     if plain:  # where nothing moves (lane_component.h)
         names = [f"#define cosim_lanes_{n} plain_{n}" for n in re.findall(r"cosim_lanes_(\w+)", _EXPORTED)]
         of_plain, code_of_plain = _over(TARGETS["baseline"], "component", [*source.settings(outputs), *names], included)

@@ -76,8 +76,8 @@ INLINE size_t programs_bytes(void) { return 0; }
 INLINE void solve_at(Component *m, double t, int trial) { (void)m, (void)t, (void)trial; }
 #endif
 
-/* Outputs that somebody reads, and the next states of a discrete component. The compiler leaves out all that no other
- * output depends on, as far as it has these functions at this place. */
+/* Outputs that somebody reads, and the next states of a discrete component. The compiler leaves out what these do not
+ * depend on, as far as it has these functions at this place; unread_outputs.py has done so for continuous ones. */
 __attribute__((noinline, flatten)) static void evaluate(Component *m, double t, lanes *next) {
     FmuArguments at = arguments(m, t, X);
     lanes y[N_OUTPUTS + 1];
