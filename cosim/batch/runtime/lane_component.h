@@ -77,7 +77,7 @@ INLINE void solve_at(Component *m, double t, int trial) { (void)m, (void)t, (voi
 #endif
 
 /* Outputs that somebody reads, and the next states of a discrete component. The compiler leaves out what these do not
- * depend on, as far as it has these functions at this place; unread_outputs.py, what continuous components have of it. */
+ * depend on, as far as it has these functions at this place; unread_outputs.py has done so for continuous ones. */
 __attribute__((noinline, flatten)) static void evaluate(Component *m, double t, lanes *next) {
     FmuArguments at = arguments(m, t, X);
     lanes y[N_OUTPUTS + 1];
