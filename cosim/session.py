@@ -38,7 +38,6 @@ from cosim.linear.stability import Stability, coupled_spectral_radius, warn_if_u
 from cosim.recording.formats import format_of
 from cosim.recording.recording import Recording
 from cosim.recording.spool import Spool, spool_of
-from cosim.system.loops import sampled_loops
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
@@ -366,11 +365,11 @@ class System(Wiring):
         from cosim.export.system_fmu import export_fmu
 
         schedule, repeated = exported_schedule(self, without), None
-        if schedule.loops or schedule.possible_loops or sampled_loops(schedule.connections):
+        if schedule.loops or schedule.possible_loops:
             self.end_simulation()  # initialization finds which loops there are, and how they are solved
             with self._begin(schedule) as started:
                 e, repeated = started.exchange, started.exchange.repeated
-            schedule = replace(schedule, loops=e.loops, late_loops=e.late_loops, possible_loops=())
+            schedule = replace(schedule, loops=e.loops, possible_loops=())
         return export_fmu(
             schedule,
             Path(path),

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.initial_states import Copies
 from cosim.batch.lane_source import LaneSource, NoLanes, lane_source
-from cosim.batch.library import DIRECTIONS, Target, choose_target
+from cosim.batch.library import MULTIPLE, Target, choose_target
 from cosim.batch.structs import CopyFailure
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
@@ -232,10 +232,10 @@ class Batch(Copies):
         """Of numbers that have derivatives in the directions of the seeds."""
         widths = {s.shape[-2:] for s in self._seeds.values()}
         _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
-        if widths != {(self.copies, directions)} or directions % DIRECTIONS or not directions:
+        if widths != {(self.copies, directions)} or directions % MULTIPLE or not directions:
             raise CosimError(
                 f"the seeds have the shapes {', '.join(map(str, sorted(widths)))}; give all of them the same,"
-                f" ({self.copies}, n), where n is a multiple of {DIRECTIONS}"
+                f" ({self.copies}, n), where n is a multiple of {MULTIPLE}"
             )
         return self._target.with_tangents(directions)
 

@@ -24,7 +24,7 @@ from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
-DIRECTIONS = 8  # derivatives are multiples of: the widest vector
+MULTIPLE = 8  # of which the number of derivatives is one: doubles of the widest vector
 STEP_DIRECTIONS = 16  # along which the derivatives of a step are computed together
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"

@@ -36,10 +36,13 @@ def without_unread_outputs(code: str, outputs: Collection[int]) -> str:
 
 def _needed(body: str, outputs: Collection[str]) -> str:
     """The statements that write these outputs, or names that are read below."""
+    found = _STATEMENT.findall(body)
+    if "".join(found).split() != body.split():  # a statement of another form
+        return body
     kept: list[str] = []
     names: set[str] = set()
     ends: list[int] = []  # of the blocks around a statement: how many statements were kept up to their ends
-    for statement in reversed(_STATEMENT.findall(body)):
+    for statement in reversed(found):
         written = _WRITTEN.match(statement)
         if statement.endswith("}\n"):
             kept.append(statement)

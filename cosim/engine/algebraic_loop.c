@@ -241,15 +241,18 @@ static int update_discrete(Engine *e, const EngineLoop *l) {
     return ENGINE_AT_END;
 }
 
-/* A number that is another one as soon as a value is that the loop's components read of each other. */
-static uint64_t fingerprint(const Engine *e, const EngineLoop *l) {
-    uint64_t found = UINT64_C(0xcbf29ce484222325);
+/* A sum that changes, but for rounding, as soon as a value does that the loop's components read of each other: weights
+ * between 1 and 2 keep changes from canceling. `size`: of its terms. */
+static double weighted_sum(const Engine *e, const EngineLoop *l, double *size) {
+    double sum = 0.0, weight = 1.0;
+    *size = 1.0;
     for (uint32_t k = 0; k < l->n_read; k++) {
-        uint64_t bits;
-        memcpy(&bits, &e->values[l->read[k]], sizeof bits);
-        found = (found ^ bits) * UINT64_C(0x100000001b3);
+        const double term = weight * e->values[l->read[k]];
+        sum += term;
+        *size += fabs(term);
+        weight += weight < 1.4 ? 0.6180339887498949 : -0.3819660112501051;
     }
-    return found;
+    return sum;
 }
 
 int engine_solve_events(Engine *e, int32_t loop) {
@@ -257,10 +260,11 @@ int engine_solve_events(Engine *e, int32_t loop) {
     int result = engine_solve(e, loop);
     if (result || !l->n_read) return result;
     for (int32_t i = 0; i < MOST_EVENTS; i++) {
-        const uint64_t before = fingerprint(e, l);
+        double size;
+        const double before = weighted_sum(e, l, &size);
         result = update_discrete(e, l);
         if (!result) result = engine_solve(e, loop);
-        if (result || fingerprint(e, l) == before) return result;
+        if (result || !(fabs(weighted_sum(e, l, &size) - before) > 1e-12 * size)) return result;
     }
     e->component = loop;
     e->call = 1;
@@ -270,7 +274,12 @@ int engine_solve_events(Engine *e, int32_t loop) {
 int engine_solve_initial_events(Engine *e) {
     e->environment = environment_bits();
     int result = ENGINE_AT_END;
-    for (int32_t i = 0; i < e->n_loops && !result; i++)
-        if (!e->loops[i].repeats && e->loops[i].n_read) result = engine_solve_events(e, i);
+    bool solved = false; /* what follows such a loop changes with it */
+    for (int32_t i = 0; i < e->n_loops && !result; i++) {
+        if (e->loops[i].repeats || !(solved || e->loops[i].n_read)) continue;
+        solved = true;
+        result = engine_solve_events(e, i);
+    }
+    if (solved && !result) engine_publish(e);
     return result;
 }

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from functools import partial
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
 from build_fmus.base import extras
+from build_fmus.base.checks import unknown
 from build_fmus.base.layout import FMUS
-from cosim import System
+from cosim import CosimError, System
 from cosim.gym import SystemEnv, SystemVectorEnv
 from cosim.study import FmuSet
 
@@ -44,17 +46,22 @@ def make(
         fmi: version of FMI.
         render_mode: see `SystemEnv`.
         options: of the `settings` of the module.
+
+    Raises CosimError for other options.
     """
     given, files = import_module(module), FmuSet(Path(fmus), fmi)
+    taken = ["fmus", "fmi", "render_mode", *[*signature(given.settings).parameters][1:]]
+    for name in options:
+        if name not in taken:
+            raise CosimError(f"{module}: {unknown('option', name, taken)}")
     made = partial(system, given.runs, given.CASE, files)
     return SystemEnv(made, render_mode=render_mode, **given.settings(made, **options))
 
 
 def system(runs: Any, case: Any, fmus: FmuSet) -> System:
-    """The system of a case, whose forces nothing drives."""
+    """The system of a case, wired and configured."""
     made: System = runs.wire(fmus, case)
     runs.configure(made, case)
-    made.allow_unconnected = True
     return made
 
 

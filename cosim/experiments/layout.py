@@ -1,9 +1,9 @@
 """The common layout of the experiments: what a folder holds under which names, and the `Experiment` that this makes.
 
-`runs.py` has `Case`, `wire`, `FMUS`, `measure`, `METRICS`, `stop_time`, `recorded` and `passive` (or its `Case` has),
-and what it needs of the other names below; `FLAGS` are recorded signals, with what is remarked where one was not 0.
-`published.py` has the plan; `claims.py` and `claims.toml` the claims; `report.py` the page of the study; `web.py` the
-live page. The meaning of each is that of the field of `Experiment` to which it is given.
+`runs.py` has `Case`, `wire`, `FMUS`, `measure`, `METRICS`, `stop_time`, `recorded` and `passive`, which may be a method
+of `Case`, and what it needs of the other names below; `FLAGS` are recorded signals, with what is remarked where one was
+not 0. `published.py` has the plan; `claims.py` and `claims.toml` the claims; `report.py` the page of the study;
+`web.py` the live page. The meaning of each is that of the field of `Experiment` to which it is given.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, Self
 
 from cosim.experiments.steps import Stepped
@@ -33,11 +33,13 @@ class Controlled(Stepped):
     controller: str
 
     def passive(self) -> Self:
-        """What a run is compared with: without control, what means nothing then as by default."""
-        bare = copy(self)
-        object.__setattr__(bare, "controller", "passive")  # to ask; it may be a case that cannot be run
-        rules = ((f, f.option.only) for f in fields(type(self)))
-        return replace(bare, **{f.attribute: f.default for f, only in rules if only and not only[0](bare)})
+        """The same case without control; options that are for controlled cases only have their defaults.
+
+        Conditions of options (`only`) read the other options as they are.
+        """
+        bare = SimpleNamespace(**{**vars(self), "controller": "passive"})
+        unused = {f.attribute: f.default for f in fields(type(self)) if f.option.only and not f.option.only[0](bare)}
+        return replace(self, **{**unused, "controller": "passive"})
 
 
 def quantity(

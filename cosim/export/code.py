@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from cosim.fmu.intermediate import followed, following
 from cosim.fmu.model_exchange import function_names, integrator_setup
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, slots
 from cosim.system.components import Connection, Group, SystemComponent
+from cosim.system.loops import sampled_loops
 from cosim.system.schedule import Schedule, make_schedule, only_numbers
 from cosim.system.wiring import Wiring
 
@@ -88,6 +89,7 @@ def exported_schedule(wiring: Wiring, without: Iterable[str] = (), *, page: bool
         Group(g.name, tuple(m for m in g.components if m not in left_out), g.method) for g in wiring.groups.values()
     ]
     schedule = make_schedule(components, connections, [g for g in groups if g.components])
+    schedule = replace(schedule, late_loops=sampled_loops(schedule.connections))
     return only_numbers(schedule, what, "use other components") if page else schedule
 
 

@@ -138,7 +138,7 @@ class View:
 
     def case(self, subject: str, place: Place) -> Any:
         """The run of a subject at a place; a place that is no tuple is a run itself."""
-        return self.made(*place, subject) if isinstance(place, tuple) else place
+        return self.made(*place, subject) if self.made and isinstance(place, tuple) else place
 
     def label(self, place: Place) -> str:
         """A place in words."""

@@ -41,8 +41,9 @@ def entry_modules(experiment: Experiment, searches: Iterable[Search] = ()) -> li
     parts = [p.func if isinstance(p, partial) else p for p in (*experiment.functions, *(type(s) for s in searches))]
     if experiment.module.endswith(".py"):
         parts.append(sys.modules[loading.module_name(experiment.module)])
-    files = {inspect.getsourcefile(inspect.getmodule(p)) for p in parts if inspect.getmodule(p) is not None}  # type: ignore[arg-type]
-    return sorted({*RUNS, *(f for f in files if f)})
+    modules = {m for m in map(inspect.getmodule, parts) if m is not None}
+    own = (m for m in modules if m.__name__.partition(".")[0] not in sys.stdlib_module_names)  # `operator.attrgetter`
+    return sorted({*RUNS, *filter(None, map(inspect.getsourcefile, own))})
 
 
 def code_files(experiment: Experiment, searches: Iterable[Search] = ()) -> list[Path]:

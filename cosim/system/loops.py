@@ -91,9 +91,9 @@ def sampled_loops(connections: Iterable[Connection]) -> tuple[AlgebraicLoop, ...
     def initially(component: SystemComponent, output: str) -> frozenset[str] | None:
         return component.description.initial_dependencies.get(output, declared(component, output))
 
-    found = find_loops(connections, initially, sampled=True)
-    loops = tuple(loop for loop in found if all(v.type == "real" for _, v in loop.unknowns))
-    return loops if any(m.discrete for loop in loops for m in loop.components) else ()
+    loops = tuple(find_loops(connections, initially, sampled=True))
+    numbers = all(v.type == "real" for loop in loops for _, v in loop.unknowns)
+    return loops if numbers and any(m.discrete for loop in loops for m in loop.components) else ()
 
 
 def numeric(connections: Iterable[Connection]) -> list[Connection]:

@@ -31,7 +31,7 @@ class Schedule:
     loops: tuple[AlgebraicLoop, ...] = ()  # in the order in which they are solved
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
     initial_loops: tuple[AlgebraicLoop, ...] = ()  # further ones that are solved in initialization only
-    late_loops: tuple[AlgebraicLoop, ...] = ()  # `sampled_loops`, where initial values are known not to settle
+    late_loops: tuple[AlgebraicLoop, ...] = ()  # `sampled_loops`, of a system that is exported
     ticks: tuple[Connection, ...] = ()  # connections of clocks
     parameters: tuple[Connection, ...] = ()  # of calculated parameters to parameters
 

@@ -213,8 +213,12 @@ class Wiring:
         outputs, inputs = elements(from_component, output), elements(to_component, input_)
         if len(outputs) != len(inputs):
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
-        shapes = [split_index(v[-1].name)[1] for v in (outputs, inputs) if len(v) > 1]
-        if len(shapes) == 2 and len(shapes[0]) == len(shapes[1]) and shapes[0] != shapes[1]:
+        shapes = [
+            [len(set(places)) for places in zip(*(split_index(v.name)[1] for v in found), strict=True)]
+            for found in (outputs, inputs)
+            if len(found) > 1
+        ]
+        if len(shapes) == 2 and len(shapes[0]) == len(shapes[1]) > 1 and shapes[0] != shapes[1]:
             sizes = [" x ".join(map(str, shape)) for shape in shapes]
             raise WiringError(f"{source} has {sizes[0]} elements, {target} has {sizes[1]}: connect element by element")
         made = [

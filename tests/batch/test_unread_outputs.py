@@ -66,6 +66,11 @@ def test_all_that_is_read_stays() -> None:
     assert [line for line in without_unread_outputs(CODE, [0, 2, 3]).splitlines() if line] == LINES
 
 
+def test_a_statement_of_another_form_keeps_all() -> None:
+    code = CODE.replace("y->speed = v6;", "y->speed = v6; /* m/s */")
+    assert without_unread_outputs(code, [3]) == code
+
+
 @pytest.mark.usefixtures("built_fmus")
 @pytest.mark.parametrize("name", ["FullCarHmmwv", "FullCarHmmwvTires", "SemiActiveDamper", "HydraulicActuator"])
 def test_what_is_left_of_an_fmu_reads_nothing_that_was_left_out(name: str) -> None:

@@ -73,6 +73,18 @@ def test_the_first_event_iteration_is_a_part_of_the_loop(folder, version):
         assert abs(begun["m0.y"] - 2.0) < 1e-8
 
 
+@pytest.mark.parametrize("rule", [{"delay": True}, {"extrapolate": True}])
+@pytest.mark.parametrize("start", [0, 100])
+def test_what_follows_begins_with_the_values_after_that(folder, rule, start):
+    """Not with those before, nor with a line through both."""
+    with one(relay.build(3, folder), on=-1.0, off=-1.0) as system:
+        system.add("reader", relay.build(3, folder), step=STEP, parameters={"gain": 1.0, "on": 1e9, "off": 1e9})
+        system.connect("m0.y", "reader.u", **rule)
+        found = system.run(start + 0.25, record=["m0.y", "reader.y"], start_time=start)
+    assert abs(found["m0.y"][0] - 2.0) < 1e-8
+    assert abs(found["reader.y"][1] - 2.0) < 1e-8
+
+
 @VERSIONS
 def test_a_relay_that_closes_where_it_opens_ends_the_run_by_name(folder, version):
     text = r"loop through 'm0' has no solution at t = 0\.5 s: discrete states of its components change again"
@@ -126,9 +138,10 @@ def test_initial_values_of_a_loop_through_a_sampled_component_are_solved(folder,
         system.connect("controller.y", "plant.u")
         with system.initialize(record=names) as begun:
             expected = [begun[n] for n in names]
+        system.components["plant"].set({"gain": 0.1})  # by which initial values settle
         path = system.export_fmu(folder / f"Sampled{version}.fmu", fmi=version)
     assert np.allclose(expected, [3.0 / 7.0, -2.0 / 7.0], rtol=1e-8)
     with System(allow_unconnected=True) as system:
-        system.add("s", path, step=STEP)
+        system.add("s", path, step=STEP, parameters={"plant.gain": 2.0})
         with system.initialize(record=[f"s.{n}" for n in names]) as begun:
             assert [begun[f"s.{n}"] for n in names] == expected

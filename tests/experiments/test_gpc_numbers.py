@@ -895,6 +895,8 @@ def test_a_failed_run_is_told(made: Runs, page: Report, fmus: FmuSet) -> None:
         {"run": "comparison-curb-70kmh-seed3", "message": "ComponentError: it broke"}
     ]
     needed = report_of(EXPERIMENT, failed(made, Comparison("sine", 50.0, 3)), fmus)
+    without = report_of(EXPERIMENT, failed(made, History("curb", 72.0, 0)), fmus)
+    assert any("there are no time histories on the curb" in "".join(s.paragraphs) for s in without.sections)
     assert needed.figure is None
     assert needed.lead.startswith("The main result is left out: there is no run ('sine', 50.0, 'implicit', 3)")
 

@@ -1105,10 +1105,10 @@ def test_signals_of_the_force_tracking() -> None:
 
 
 def test_flags_of_a_road_count_wherever_they_are() -> None:
-    flag = next(iter(runs.ROAD_FLAGS))
-    raised = recording(Case("bump", "mpc"), **{f"road.{flag}": T[7] == T})
-    assert runs.remarks(raised) == [runs.ROAD_FLAGS[flag]]
-    assert runs.remarks(recording(Case("bump", "mpc"), **{f"road.{flag}": 0.0})) == []
+    flag = next(iter(runs.FLAGS))
+    remarks = EXPERIMENT.measures.remarks
+    assert remarks(recording(Case("bump", "mpc"), **{flag: T[7] == T})) == [runs.FLAGS[flag]]
+    assert remarks(recording(Case("bump", "mpc"), **{flag: 0.0})) == []
 
 
 @pytest.mark.parametrize("begin", [0.0, 3.0])

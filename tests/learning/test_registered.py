@@ -14,7 +14,7 @@ from built import FMUS, BuiltFmus
 from gymnasium.utils.env_checker import check_env
 from point import play
 
-from cosim import Record
+from cosim import CosimError, Record
 from cosim.experiments.environments import ENVIRONMENTS, NAMESPACE
 from cosim.gym import SystemEnv, SystemVectorEnv
 
@@ -46,6 +46,11 @@ def test_gymnasium_finds_nothing_wrong(name: str) -> None:
     env = made(name)
     check_env(env)
     env.close()
+
+
+def test_an_option_that_there_is_not_is_named(name: str) -> None:
+    with pytest.raises(CosimError, match="no option 'offset'"):
+        made(name, offset=1.0)
 
 
 def test_same_actions_same_bits_alone_and_together(name: str) -> None:

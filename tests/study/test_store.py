@@ -95,6 +95,7 @@ def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.M
     experiment = dataclasses.replace(FOUND[name], wiring=dataclasses.replace(FOUND[name].wiring, fmus=()))
     known = searches(name)
     covered = key.code_files(experiment, known)
+    assert all(p.is_relative_to(ROOT) for p in covered)  # whose own releases are no other numbers
     assert files(name) >= MASTER | DEPENDS.get(name, set())
     assert not [p for p in files(name) if p.endswith("claims.toml")]  # another sentence repeats no run
     read = Path.read_bytes

@@ -44,7 +44,7 @@ def somewhere(rng: np.random.Generator, within: tuple[float, float] = OFFSETS) -
 
 
 def settings(_: Any, offsets: tuple[float, float] = OFFSETS) -> dict[str, Any]:
-    """Of the environment; `offsets`: where in the random motion episodes start [s], within 0 to 1e5."""
+    """Arguments of `SystemEnv`; `offsets`: where in the random motion episodes start [s], within 0 to 1e5."""
     travel = "plant.suspension.deflection"
     return {
         "actions": {FORCE: (-FORCE_LIMIT, FORCE_LIMIT)},

@@ -6,7 +6,6 @@ import json
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.table import Table
@@ -42,6 +41,10 @@ OPTIONS = (
     "gpc", cls=Command, groups={"Identification": OPTIONS, "FMUs": (VEHICLE, *FMU_FILES), "Inputs and results": (OUT,)}
 )
 def identify(
+    seed: int,
+    order: int,
+    samples: int,
+    excitation: float,
     weight: float,
     horizon: int,
     control_horizon: int,
@@ -49,19 +52,18 @@ def identify(
     fmi: int,
     vehicle: Sequence[Path],
     out: Path,
-    **identification: Any,
 ) -> None:
     """Identify the plant, design the three controllers and report whether they equal those in the FMUs."""
     chosen = own_fmus("gpc", fmus, fmi, vehicle)
-    for option, value in (("excitation", identification["excitation"]), ("weight", weight)):
+    for option, value in (("excitation", excitation), ("weight", weight)):
         number(f"--{option}", value, above=0)
-    settings = IdentificationSettings(**identification)
+    settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
     folder = make_folder(out / "gpc" / "laws")
     models = identify_models(chosen.path(PLANT), road_file(chosen, "perryman3"), chosen.path(SPEED), settings)
     table = Table("controller", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
     for variant in VARIANTS:
         law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
-        safe_files.write(folder / f"{variant}-seed{settings.seed}.json", law.to_json())
+        safe_files.write(folder / f"{variant}-seed{seed}.json", law.to_json())
         with zipfile.ZipFile(chosen.path(CONTROLLERS[variant])) as z:  # type: ignore[arg-type]
             stored = GpcLaw.from_dict(json.loads(z.read("resources/provenance.json")))
         fit = models.implicit if variant == "implicit" else models.explicit

@@ -14,7 +14,7 @@ from cosim.experiments.gpc.results import METRICS, Results, select
 from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
 from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Series, Table, over_time
 from cosim.report.model import Look
-from cosim.study import Content, Distribution, FmuSet, Row, StudyReport, parameters
+from cosim.study import Content, Distribution, FmuSet, Row, RunFailed, StudyReport, parameters
 from cosim.study import Results as Runs
 from cosim.study.pages import compared
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
@@ -227,8 +227,11 @@ def _road(view: View, road: str, figure: int, prefixes: tuple[str, ...], text: s
 
 def _history(results: Results, road: str, named: str, figure: int) -> Figure:
     histories = select(results.histories, road=road)
-    shown = {h["controller"]: dict(h) for h in histories}
-    del shown["passive"]["force"]
+    if not histories:
+        raise RunFailed(f"there are no time histories on the {named}")
+    shown = {
+        h["controller"]: {k: v for k, v in h.items() if (h["controller"], k) != ("passive", "force")} for h in histories
+    }
     panels = over_time(
         shown,
         [

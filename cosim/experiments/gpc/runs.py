@@ -171,8 +171,8 @@ def assume(assumed: Assumed, case: Case) -> Case:
     return dataclasses.replace(case, **kept)
 
 
-_MEASURED = ("one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off")
-structure = attrgetter("road", "controller", "exchange_parts", *_MEASURED, "start_height")
+_ASSUMED = ("one_track", "disturbance", "horizon", "sampled_after", "datum", "actuator", "road_roll_off")
+structure = attrgetter("road", "controller", "exchange_parts", *_ASSUMED, "start_height")
 """What of a case decides the wiring."""
 _wired_from: WeakKeyDictionary[System, FmuSet] = WeakKeyDictionary()  # whose controllers are identified from them
 

@@ -51,7 +51,7 @@ def somewhere(rng: np.random.Generator, within: tuple[float, float] = OFFSETS) -
 
 
 def settings(_: Any, offsets: tuple[float, float] = OFFSETS, preview: bool = True) -> dict[str, Any]:
-    """Of the environment.
+    """Arguments of `SystemEnv`.
 
     Args:
         offsets: where on the road episodes start [m], within 0 to 1300.

@@ -379,9 +379,9 @@ def configure_vehicle(system: System, case: Case) -> None:
                 system[name].set({"fluid.density": own if case.density is None else case.density})
 
 
-ROAD_FLAGS = {
-    "height_above_travel": "a bump is higher than the travel of the suspension",
-    "bumps_beyond_end": "a bump lies beyond the end of the road",
+FLAGS = {
+    "road.height_above_travel": "a bump is higher than the travel of the suspension",
+    "road.bumps_beyond_end": "a bump lies beyond the end of the road",
 }
 
 
@@ -398,16 +398,10 @@ def recorded(case: Case) -> Sequence[str]:
         if CONTROLLERS[case.controller] is not None:
             names.append(f"controller.force.{k}")
     if case.road != "off-road":
-        names += [f"road.{flag}" for flag in ROAD_FLAGS]
+        names += FLAGS
     if case.controller in PREDICTIVE:
         names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
-
-
-def remarks(run: Run) -> list[str]:
-    """What a road reports of its bumps."""
-    r = run.recording
-    return [text for flag, text in ROAD_FLAGS.items() if f"road.{flag}" in r and r[f"road.{flag}"].any()]
 
 
 # ---------------------------------------------------------------------------------------------------------- measuring

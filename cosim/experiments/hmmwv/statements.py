@@ -118,8 +118,6 @@ class Statement:
             return False
         return found.everywhere(self.side)
 
-    # What was chosen with published figures in view.
-
     def decided_by_opening(self, ratios: Iterable[float]) -> bool:
         """Whether one of `over_openings` is in the band and another one out of it."""
         return self.band is not None and len({r in self.band for r in ratios}) > 1
@@ -135,12 +133,11 @@ class Statement:
         """What was chosen, in words."""
         texts, reading = [], self.reading or (self.of if self.chosen else "")
         if ratios := self.over_openings(study, at):
+            edge = ", in and out of the band" if self.decided_by_opening(ratios) else ""
             texts.append(
                 f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm,"
                 f" assumed with the passive figure in view; {min(NULL_OPENINGS_MM):g} to {max(NULL_OPENINGS_MM):g} mm"
-                f" are plausible and give {min(ratios):.2f} to {max(ratios):.2f} times"
-                + ", in and out of the band"
-                * self.decided_by_opening(ratios)
+                f" are plausible and give {min(ratios):.2f} to {max(ratios):.2f} times{edge}"
             )
         if self.chosen == "terrain":
             texts.append(_terrain(study, at))

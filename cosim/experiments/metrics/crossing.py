@@ -145,7 +145,7 @@ def failures(run: Crossing, *, arrived: bool, belly_contact: bool, limits: Cross
 
 
 def cost(run: Crossing, weights: Mapping[str, float] = WEIGHTS) -> float:
-    """Weighted sum, weights in per cent; of `LIMITS` it is the reference of figure 5.41.
+    """Weighted sum, weights in per cent; `cost(LIMITS)` is the reference line of figure 5.41.
 
     Kale, section 5.6 and Tables 5.9 to 5.11.
     """

@@ -155,7 +155,7 @@ def _on_file(study: Searches) -> Content:
 
 
 def _row(made: Driven) -> dict[str, Any]:
-    """CarSystem, speeds of 6 W by both definitions, and what else there is at the first of them."""
+    """Controller, speeds of 6 W by both definitions, and what else there is at the first of them."""
     third, second = (made.speeds(m).words for m in POWERS)
     near = made.nearest(NRMM) or {}
     return {

@@ -72,7 +72,7 @@ class Speeds:
 
 @dataclass(frozen=True)
 class Driven:
-    """A search of a study; what one found that failed raises `RunFailed`."""
+    """A search of a study. Reading the result of a failed search raises `RunFailed`."""
 
     search: SpeedLimit
     results: Results

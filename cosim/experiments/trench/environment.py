@@ -70,7 +70,7 @@ def trench(rng: np.random.Generator) -> dict[str, float]:
 
 
 def settings(system: Callable[[], System]) -> dict[str, Any]:
-    """Of the environment, whose course follows from the vehicle of its system."""
+    """Arguments of `SystemEnv` for an environment whose course follows from the vehicle of its system."""
     with system() as made:
         course = runs.Course.of(Run(CASE, None, made))
     slowest = course.end / (SPEEDS_KMH[0] / 3.6)

@@ -102,7 +102,8 @@ FmuStatus container_not_solved(FmuInstance *self) {
     if (self->engine.call)
         return fmu_fail(self, FMU_ERROR,
             "the algebraic loop through %s has no solution at time %.9g s: discrete states of its components change "
-            "again with each solution", P->owners[l->published[0]], fmu_time(self));
+            "again with each solution; export the system with delay=True at one of its connections",
+            P->owners[l->published[0]], fmu_time(self));
     return fmu_fail(self, FMU_ERROR,
         "the algebraic loop through %s has no solution at time %.9g s, or its solution jumps there "
         "(%.9g, residual %.3g): export the system with a start value of an input of the loop near the solution",
