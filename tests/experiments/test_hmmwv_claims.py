@@ -111,7 +111,9 @@ def test_a_case_leaves_nothing_behind_in_its_system(runner):
 
 def test_a_bump_above_the_travel_is_reported(runner):
     duration = {road: 2.5 if road == "off-road" else 0.5 for road in ROADS}  # off road metrics begin later
-    told = {road: runs.remarks(runner.run(Case(road, "passive", duration=t))) for road, t in duration.items()}
+    told = {
+        road: EXPERIMENT.measures.remarks(runner.run(Case(road, "passive", duration=t))) for road, t in duration.items()
+    }
     assert told == {"track": [], "bump": ["a bump is higher than the travel of the suspension"], "off-road": []}
 
 
