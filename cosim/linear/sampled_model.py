@@ -117,7 +117,7 @@ class _Updates:
             after = component.sampled_states()  # type: ignore[attr-defined]
             if list(after) != self.names:
                 raise CosimError(
-                    "its states are others after a step: make them floats or arrays of floats from the start"
+                    "a step adds or removes some of its states: make them floats or arrays of floats from the start"
                 )
             return np.array([*after.values(), *component.get(self.outputs)], dtype=float)
 

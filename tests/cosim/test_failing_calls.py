@@ -52,6 +52,30 @@ def test_an_exported_system_tells_a_failing_end(folder, caplog):
     assert "component 'm': Terminate failed; the results are complete" in caplog.text
 
 
+EXCHANGE = failing.FUNCTIONS[failing.FUNCTIONS.index("SetTime") : failing.FUNCTIONS.index("GetDirectionalDerivative")]
+CALLED = {
+    "cs": ("GetReal", "EnterInitializationMode", "ExitInitializationMode", "DoStep"),
+    "me": ("GetReal", "EnterInitializationMode", "ExitInitializationMode", *EXCHANGE),
+}
+
+
+@pytest.mark.parametrize("status", ["Error", "Fatal"])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(("interface", "function"), [(i, f) for i, functions in CALLED.items() for f in functions])
+def test_a_function_that_fails_is_named(folder, version, interface, function, status):
+    called = {
+        "GetDerivatives": "Get.*Derivatives",
+        "UpdateDiscreteStates": "DiscreteStates",
+        "GetReal": "Get(Real|Float64)",
+    }
+    system = one(failing.build(version, folder), function, status, interface=interface)
+    with (
+        system,
+        pytest.raises(CosimError, match=rf"'m'.*fmi{version}\w*{called.get(function, function)} returned {status}"),
+    ):
+        system.run(0.1, record=["m.x"])
+
+
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("function", ["GetDerivatives", "SetContinuousStates", "UpdateDiscreteStates"])
 def test_differences_for_a_linear_model_name_the_call_that_is_fatal(folder, version, function):
