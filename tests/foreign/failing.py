@@ -11,7 +11,6 @@ FUNCTIONS = (
     *("DoStep", "Terminate", "Reset", "GetFMUState", "SetFMUState", "SetTime", "SetContinuousStates"),
     *("GetContinuousStates", "GetDerivatives", "GetEventIndicators", "GetNominalsOfContinuousStates"),
     *("EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep"),
-    "GetDirectionalDerivative",
 )
 _VARIABLES = (  # name, causality, variability, further attributes; value references as in failing.c
     ("u", "input", "continuous", 'start="0"'),
@@ -20,11 +19,10 @@ _VARIABLES = (  # name, causality, variability, further attributes; value refere
     ("function", "parameter", "fixed", 'start="0"'),
     ("status", "parameter", "fixed", 'start="0"'),
     ("after", "parameter", "fixed", 'start="0"'),
-    ("times", "parameter", "fixed", 'start="1e9"'),
 )
 
 
-def description(version: int, *, derivatives: bool = False) -> str:
+def description(version: int) -> str:
     """modelDescription.xml."""
     three, variables = version == 3, []
     for reference, (name, causality, variability, more) in enumerate(_VARIABLES):
@@ -38,8 +36,6 @@ def description(version: int, *, derivatives: bool = False) -> str:
         )
         variables.append(f"<ScalarVariable {common}{initial}><Real {attributes}/></ScalarVariable>")
     can = f'canGetAndSetFMU{"S" if three else "s"}tate="true"'
-    if derivatives:
-        can += f' providesDirectionalDerivative{"s" * three}="true"'
     if three:
         variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
         structure = (
@@ -64,11 +60,11 @@ def description(version: int, *, derivatives: bool = False) -> str:
     )
 
 
-def build(version: int, folder: Path, *, derivatives: bool = False, indicators: int = 1) -> Path:
+def build(version: int, folder: Path, *, indicators: int = 1) -> Path:
     """The FMU for this machine, in a folder. `indicators`: how many it has in its code; one is in its description."""
     name = f"failing{version}" + f"_{indicators}" * (indicators != 1)
     sources = [making.HERE / "failing.c", making.others(folder, name, version)]
     library = making.compile_library(folder, name, version, sources, f"-DINDICATORS={indicators}")
-    text = description(version, derivatives=derivatives)
-    path = folder / f"{name.title()}{'d' * derivatives}.fmu"
-    return making.pack(path, making.contents(version, "failing", text, library))
+    return making.pack(
+        folder / f"{name.title()}.fmu", making.contents(version, "failing", description(version), library)
+    )
