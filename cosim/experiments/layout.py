@@ -8,7 +8,7 @@ not 0. `published.py` has the plan; `claims.py` and `claims.toml` the claims; `r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -51,7 +51,7 @@ def experiment(
         return f"{package}.{module}:{attribute}" if find_spec(f"{package}.{module}") else None
 
     found = {"claims": beside("claims", "CLAIMS"), "report": beside("report", "report"), "papers": PAPERS}
-    remarks = own("remarks") or partial(flagged, own("FLAGS") or {})
+    remarks = partial(remarked, own("FLAGS") or {}, own("remarks"))
     passive = own("passive") or getattr(runs.Case, "passive", None)
     own_fmus = "cosim.experiments.own_files:own_fmus" if takes_files else None
     return Experiment(
@@ -69,6 +69,7 @@ def experiment(
     )
 
 
-def flagged(flags: Mapping[str, str], run: Run) -> list[str]:
-    """What is remarked of the flags that a run raised."""
-    return [text for name, text in flags.items() if name in run.recording and run.recording[name].any()]
+def remarked(flags: Mapping[str, str], more: Callable[[Run], list[str]] | None, run: Run) -> list[str]:
+    """What is remarked of a run: the texts of the flags that it raised, and more."""
+    raised = [text for name, text in flags.items() if name in run.recording and run.recording[name].any()]
+    return [*raised, *(more(run) if more else [])]
