@@ -314,7 +314,7 @@ class Functions:
     def _function(self, part: _Part, body: list[str], used: Mapping[str, None]) -> str:
         lines = []
         if "t" in used:
-            lines.append("const real t = all(at->t);")
+            lines.append("const scalar t = all(at->t);")
         for pointer, struct in self.structs_of_arguments.items():
             if pointer in used and all(pointer != target.pointer for _, target in part.results):
                 lines.append(f"const {struct.name} *const {pointer} = (const {struct.name} *){_argument(pointer)};")

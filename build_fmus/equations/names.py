@@ -122,9 +122,12 @@ class Struct:
             return f"{m.name}[{index}]"
         return f"{m.name}[{index // m.shape[1]}][{index % m.shape[1]}]"
 
-    def definition(self, name: str = "", number: str = "real") -> str:
+    def definition(self, name: str = "", number: str = "") -> str:
         """The typedef, with a comment on each field; under another name, and of another type of numbers, if given."""
-        declared = {m: f"{number} {m.name}{''.join(f'[{n}]' for n in m.shape)}" for m in self.fields}
+        declared = {
+            m: f"{number or ('real' if m.shape else 'scalar')} {m.name}{''.join(f'[{n}]' for n in m.shape)}"
+            for m in self.fields
+        }
         lines = [f"/* {self.title} */", "typedef struct {"]
         column = max(map(len, declared.values())) + 6
         for m in self.fields:

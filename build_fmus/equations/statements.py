@@ -11,7 +11,7 @@ import heapq
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -21,8 +21,9 @@ from build_fmus.base import extras
 from build_fmus.base.escape import c_comment
 from build_fmus.equations.branches import Block, Branch, Guard, arranged, calls, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
+from build_fmus.equations.locals import Statement, without_derivatives
 from build_fmus.equations.names import WIDTH, Struct, identifier
-from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
+from build_fmus.equations.operators import ATOM, ELEMENTWISE, SMOOTH, Text, constant, write
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -59,8 +60,9 @@ class Value:
     """How a node is written in C.
 
     `at` gives the code of one element; `pointer` that of the first where all lie in a row. `length` is the
-    approximate number of characters; `reads` are the work arrays and named numbers that it is read from. A plain
-    value is stored and needs no calculation.
+    approximate number of characters; `reads` are the work arrays, named numbers and fields that it is read from. A
+    plain value is stored and needs no calculation. A smooth one is computed from named numbers and fields, which are no
+    elements of arrays, by operations whose slopes are finite.
     """
 
     at: Callable[[Index], Text]
@@ -68,6 +70,7 @@ class Value:
     pointer: str = ""
     reads: frozenset[str] = frozenset()
     plain: bool = False
+    smooth: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ class _Line:
     """Lines of code, with the work arrays and named numbers that they write and read.
 
     `@` stands for the position of the array that they begin. `kind` is the type of a number whose line does not say
-    it, because that depends on where the number is read.
+    it, because that depends on where the number is read. A smooth number can be a local one (`locals`).
     """
 
     lines: list[str]
@@ -141,6 +144,7 @@ class _Line:
     reads: frozenset[str] = frozenset()
     kind: str = ""
     guard: Guard = ()
+    smooth: bool = False
     depth: float = math.inf  # calls of functions on the longest way to it; results stand behind all of these lines
 
 
@@ -161,8 +165,8 @@ class Statements:
         """Prepare the statements of functions over `graph`.
 
         `structs`: those of the vectors, by the pointer's name; `constants`: names of constant arrays; `branches`:
-        whether code that only one value of a choice needs stands under its condition; `known`: fields of the struct
-        `f` that have the numbers of nodes.
+        whether code that only one value of a choice needs stands under its condition, and numbers can be local;
+        `known`: fields of the struct `f` that have the numbers of nodes.
         """
         self._known = known or {}
         self._branches = branches
@@ -266,8 +270,7 @@ class Statements:
         node = self.graph.nodes[n]
         if n in self._known:
             self.pointers["f"] = None
-            text = Text(f"f->{self._known[n]}")
-            return Value(lambda _: text, len(text.code), f"&{text.code}", plain=True)
+            return self._field("f", self._known[n])
         if node.operation == ca.OP_INPUT:
             vector, first = node.data
             return self._input(vector, first, node.size)
@@ -294,12 +297,15 @@ class Statements:
             text = value.at(Index(""))
             name = self._name(n)
             guard = self._guards.get(n, ())
-            kind = "condition" if text.logical else "real"
+            kind = "condition" if text.logical else "scalar"
             reads = value.reads.union(*(self._values[c].reads for c, _ in guard))
+            smooth = value.smooth and not (text.logical or text.uniform)
             lines = [*self._explanation(n), f"{name} = {(text if text.logical else text.real).code};"]
             depth = self._depths.get(n, 0)
-            self._lines.append(_Line(lines, writes=name, reads=reads, kind=kind, guard=guard, depth=depth))
-            return Value(lambda _: Text(name, ATOM, text.logical), len(name), reads=frozenset((name,)), plain=True)
+            line = _Line(lines, writes=name, reads=reads, kind=kind, guard=guard, smooth=smooth, depth=depth)
+            self._lines.append(line)
+            named = Text(name, ATOM, text.logical)
+            return Value(lambda _: named, len(name), reads=frozenset((name,)), plain=True, smooth=not text.logical)
         storage = self._begin(n, node.size)
         self._loop(f"{storage}[i]", node.size, value, storage)
         return self._stored(storage, node.size)
@@ -340,10 +346,9 @@ class Statements:
         self.pointers[vector] = None
         struct = self.structs.get(vector)
         if struct is None:  # time
-            return Value(lambda _: Text(vector), len(vector), plain=True)
+            return Value(lambda _: Text(vector), len(vector), reads=frozenset((vector,)), plain=True, smooth=True)
         if size == 1:
-            text = Text(f"{vector}->{struct.element(first)}")
-            return Value(lambda _: text, len(text.code), f"&{text.code}", plain=True)
+            return self._field(vector, struct.element(first))
         field = struct.field_at(first)
         if len(field.shape) == 1 and first + size <= field.slot + field.size:
             array, offset = f"{vector}->{field.name}", first - field.slot
@@ -355,10 +360,16 @@ class Statements:
 
         return Value(at, len(array) + 3, f"{array} + {offset}" if offset else array, plain=True)
 
+    @staticmethod
+    def _field(vector: str, element: str) -> Value:
+        text = Text(f"{vector}->{element}")
+        reads, is_scalar = frozenset((text.code,)), "[" not in element
+        return Value(lambda _: text, len(text.code), f"&{text.code}", reads, plain=True, smooth=is_scalar)
+
     def _constant(self, n: int, node: Node) -> Value:
         if isinstance(node.data, float):
             text = constant(node.data)
-            return Value(lambda _: text, len(text.code), plain=True)
+            return Value(lambda _: text, len(text.code), plain=True, smooth=True)
         table = self.tables.numbers(node.data, self.constants.get(n, ""))
         return Value(lambda index: Text(f"{table}[{index.code}]", uniform=True), len(table) + 3, table, plain=True)
 
@@ -408,7 +419,8 @@ class Statements:
         reads = frozenset().union(*(v.reads for v in operands))
         if node.size == 1:
             text = write(node.operation, [v.at(Index("")) for v in operands])
-            return Value(lambda _: text, length, reads=reads)
+            smooth = node.operation in SMOOTH and all(v.smooth for v in operands)
+            return Value(lambda _: text, length, reads=reads, smooth=smooth)
         return Value(lambda index: write(node.operation, [v.at(index) for v in operands]), length, reads=reads)
 
     def _simple(self, a: int, size: int) -> Value:
@@ -581,6 +593,7 @@ class Statements:
 
     def _placed(self) -> list[str]:
         """All lines, with a place in the work memory for every work array, from its first to its last use."""
+        self._choose_locals(frozenset())
         last = {name: k for k, line in enumerate(self._lines) for name in (line.writes, *line.reads) if name}
         ends: list[tuple[int, int, int]] = []  # last use, place, size
         free: list[tuple[int, int]] = []  # place, size
@@ -626,7 +639,27 @@ class Statements:
                 both = next((i for i, (a, b) in enumerate(zip(home[k], home[n], strict=False)) if a != b), len(home[k]))
                 if both < len(home[n]):
                     outside[n] = min(both, outside.get(n, both))
+        self._choose_locals(outside)
         return self._block(items, outside, 0)
+
+    def _choose_locals(self, outside: Collection[int]) -> None:
+        """Numbers that keep no derivatives are `local`, except those that are read `outside` of their block."""
+        if not self._branches:
+            return
+        conditions = {line.writes for line in self._lines if line.kind == "condition"}
+        statements = [
+            Statement(
+                line.writes,
+                set(line.reads - conditions),
+                len(line.guard),
+                line.smooth and k not in outside,
+            )
+            for k, line in enumerate(self._lines)
+        ]
+        left_out = without_derivatives(statements)
+        for line in self._lines:
+            if line.writes in left_out:
+                line.kind = "local"
 
     def _block(self, items: Sequence[int | Block], outside: Mapping[int, int], depth: int) -> list[str]:
         text: list[str] = []
@@ -636,9 +669,7 @@ class Statements:
                 text += _wrapped(line.lines if item in outside else self._declared(line), depth)
                 continue
             before = [self._lines[k] for k in sorted(item.lines()) if outside.get(k) == depth]
-            for kind in ("real", "condition"):
-                names = [f"{line.writes} = {{0}}" for line in before if line.kind == kind]
-                text += _wrapped([f"{kind} {', '.join(names)};"] if names else [], depth)
+            text += _wrapped([f"{line.kind} {line.writes} = {{0}};" for line in before], depth)
             inner = self._block(item.items, outside, depth + 1)
             text += [
                 *_wrapped([f"if (any({self._condition(item.branch)})) {{"], depth),

@@ -5,8 +5,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Numbers of equations: `scalar` those that are no elements of arrays, `local` those of functions that keep no derivatives
+ * of their own, where numbers have some (cosim/batch/runtime/numbers.h). */
 #ifndef LANES /* else a vector of numbers, one for each of the copies side by side */
 typedef double real;
+typedef real scalar, local;
 #endif
 
 /* What the functions of a component are evaluated at, and memory for their work. */

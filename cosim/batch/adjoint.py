@@ -24,7 +24,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 SEGMENTS = 64  # of a run: as many states are saved, and the tape of one is kept
-LOOKS = 4  # segments that run first, to see what depends on the parameters
+LOOKS, LOOK = 4, 8  # segments of which a part, one of so many, runs first, to see what depends on the parameters
 WIDTHS = (1, 2, 4, 8)  # results side by side (adjoints.h)
 _SPARE = 4096  # TAPE_SPARE
 _ENTRIES = 1 << 18  # entries that a tape has space for at first; memory that is not written takes none
@@ -184,9 +184,8 @@ class AdjointRun(Batch):
         """
         active: Which = self._first != 0
         self._taken: list[list[npt.NDArray[np.void]]] = [[] for _ in self._states]
-        self._on_tape: tuple[int, Which] | None = None
         for number in np.unique(np.linspace(0, len(self._states) - 1, LOOKS).astype(int)).tolist():
-            while (more := self._run_segment(number, active)) is not None:
+            while (more := self._run_segment(number, active, LOOK)) is not None:
                 active = more
         found = []
         for i in range(0, len(weights), WIDTHS[-1]):
@@ -228,15 +227,14 @@ class AdjointRun(Batch):
         self._sweep(self._begun, of, self._n)
         return of[1 : self._n + 1][self._order]
 
-    def _run_segment(self, number: int, active: Which) -> Which | None:
+    def _run_segment(self, number: int, active: Which, parts: int = 1) -> Which | None:
         """Run one segment with its operations on the tape, on which samples and numbers that are active are the first.
 
-        Returns all that is active if that is more in the end. A segment that is on the tape does not run again.
+        Of so many parts of it the first. Returns all that is active if that is more in the end.
         """
-        if self._on_tape is not None and self._on_tape[0] == number and (self._on_tape[1] == active).all():
-            return None
         state = self._states[number]
         end = self._end if state is self._states[-1] else self._states[number + 1].tick
+        end -= (end - state.tick) * (parts - 1) // parts
         indices = (np.cumsum(active, dtype=np.uint64) + np.uint64(self._n_samples)) * active
         if self._tape is self._begun:
             self._use(Tape(_ENTRIES))
@@ -260,7 +258,6 @@ class AdjointRun(Batch):
             raise CosimError(str(self._structs.failure(0)))
         self._taken[number] = [each.copy() for each in self._sides]
         now = active | (self._indices() != 0)
-        self._on_tape = number, active
         return None if (now == active).all() else self._closed(now)
 
     def _closed(self, active: Which) -> Which:

@@ -13,9 +13,9 @@ _FUNCTION = re.compile(
     r"(?<=^static void outputs\(const FmuArguments \*at, real \*result\) \{\n).*?(?=^\}$)", re.M | re.S
 )
 _STRUCT = re.compile(r"typedef struct \{([^}]*)\} Outputs;")
-_FIELD = re.compile(r"^ *real (\w+)((?:\[\d+\])*);", re.M)
+_FIELD = re.compile(r"^ *(?:real|scalar) (\w+)((?:\[\d+\])*);", re.M)
 _STATEMENT = re.compile(r"^ *(?:/\*.*?\*/|[^;{}]*(?:\{0\}[^;{}]*)*[;{]|\})\n", re.M | re.S)
-_WRITTEN = re.compile(r"\s*(?:const (?:real|condition) )?(y->)?(\w+)(?:\[[^]]*\])? =(?!\s*\{0\})")
+_WRITTEN = re.compile(r"\s*(?:const (?:scalar|local|condition) )?(y->)?(\w+)(?:\[[^]]*\])? =(?!\s*\{0\})")
 _EMPTY = re.compile(r"(\w+)\s*=\s*\{0\}")
 _NAME = re.compile(r"(?<!->)\b[A-Za-z_]\w*")
 

@@ -12,9 +12,9 @@ from cosim.batch.unread_outputs import without_unread_outputs
 
 CODE = """\
 typedef struct {
-    real speed;
+    scalar speed;
     real height[2]; /* [m] */
-    real force;     /* [N] */
+    scalar force;   /* [N] */
 } Outputs;
 
 static void outputs(const FmuArguments *at, real *result) {
@@ -22,10 +22,11 @@ static void outputs(const FmuArguments *at, real *result) {
     Outputs *const y = (Outputs *)result;
 
     const condition v1 = 0.0 < x->force;
-    real v2 = {0}, v3 =
+    scalar v2 = {0};
+    scalar v3 =
         {0};
     if (any(v1)) {
-        const real v4 = 2.0 * x->speed;
+        const local v4 = 2.0 * x->speed;
         /* contact */
         v2 = v4 +
             1.0;
@@ -33,8 +34,8 @@ static void outputs(const FmuArguments *at, real *result) {
     if (any(v1 == 0)) {
         v3 = 3.0;
     }
-    const real v5 = v3 + x->v6;
-    const real v6 = 6.0;
+    const local v5 = v3 + x->v6;
+    const scalar v6 = 6.0;
     y->speed = v6;
     y->height[0] = v5;
     y->height[1] = v5;
@@ -42,13 +43,13 @@ static void outputs(const FmuArguments *at, real *result) {
 }
 
 static void derivatives(const FmuArguments *at, real *result) {
-    const real v5 = 0.0;
+    const scalar v5 = 0.0;
 }
 """
 LEFT_OUT = {
-    0: ["condition v1", "real v2", "any(v1)", "v4", "v2 =", "v3 = 3.0", "real v5 = v3", "y->height", "y->force"],
-    1: ["any(v1))", "v4", "v2 = v4", "real v6", "y->speed", "y->force"],
-    3: ["any(v1 == 0)", "v3 = 3.0", "real v5 = v3", "real v6", "y->speed", "y->height"],
+    0: ["condition v1", "scalar v2", "any(v1)", "v4", "v2 =", "v3 = 3.0", "local v5 = v3", "y->height", "y->force"],
+    1: ["any(v1))", "v4", "v2 = v4", "scalar v6", "y->speed", "y->force"],
+    3: ["any(v1 == 0)", "v3 = 3.0", "local v5 = v3", "scalar v6", "y->speed", "y->height"],
 }
 LINES = [line for line in CODE.splitlines() if "/* contact" not in line and line]
 
@@ -58,7 +59,7 @@ def test_only_what_an_output_needs_is_left(slot: int) -> None:
     left = without_unread_outputs(CODE, [slot])
     assert [text for text in LEFT_OUT[slot] if text in left] == []
     names = set(re.findall(r"\bv\d\b", left))
-    assert names == {0: {"v5", "v6"}, 1: {"v1", "v2", "v3", "v5", "v6"}, 3: {"v1", "v2", "v3", "v4", "v5"}}[slot]
+    assert names == {0: {"v5", "v6"}, 1: {"v1", "v3", "v5", "v6"}, 3: {"v1", "v2", "v4", "v5"}}[slot]
     assert set(left.splitlines()) <= {*LINES, ""}
 
 

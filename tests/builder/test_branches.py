@@ -5,6 +5,7 @@ It is computed once, in an order that holds, and gives bit-identical results.
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -77,11 +78,11 @@ def test_what_only_one_value_needs_is_computed_under_its_condition() -> None:
     text = body(c)
     assert (
         text == "    const condition v1 = u->u < u->v;\n"
-        "    real v2 = {0};\n"
+        "    scalar v2 = {0};\n"
         "    if (any(v1)) {\n"
         "        v2 = sin(u->u) + exp(u->v);\n"
         "    }\n"
-        "    real v3 = {0};\n"
+        "    scalar v3 = {0};\n"
         "    if (any(v1 == 0)) {\n"
         "        v3 = cos(u->v);\n"
         "    }\n"
@@ -125,7 +126,9 @@ def test_choices_with_one_condition_share_a_block() -> None:
     text = body(c)
     assert text.count("if (") == 1
     assert text.count("sqrt(") == 1
-    assert "        const real v" in text  # what nothing outside reads is a constant of the block
+    assert re.search(
+        "^        const (scalar|local) v", text, re.M
+    )  # what nothing outside reads is a constant of the block
 
 
 def test_conditions_in_another_order_guard_what_they_have_in_common() -> None:

@@ -258,7 +258,7 @@ def test_sections_of_a_continuous_component_and_their_sources() -> None:
     assert "der->body_z = x->body_vz;" in section(code, "derivatives")
     assert "y->tire_deflection = x->wheel_z - u->road_height;" in section(code, "outputs")
     assert "result[14] = all(1.0); /* der(wheel.z) by wheel.vz */" in section(code, "Jacobian")
-    assert "real suspension_stiffness;      /* [N/m] suspension stiffness */" in code
+    assert "scalar suspension_stiffness;      /* [N/m] suspension stiffness */" in code
     assert ".body_mass = 2800.0," in code
 
 
@@ -291,10 +291,10 @@ def test_intermediate_values_have_their_names_and_sources() -> None:
     c.output("a", pull / 2, "m/s2", "acceleration")
     code = generate.generate_c(c.model(), arrays=False, token="t")
     assert (
-        "    /* a paper, equation (3) */\n    const real pull = u->f - 2.0 * x->x;\n"
+        "    /* a paper, equation (3) */\n    const local pull = u->f - 2.0 * x->x;\n"
         "    /* a paper, equation (4) */\n    der->v = pull / 2.0;\n" in section(code, "derivatives")
     )
-    assert "const real pull = u->f - 2.0 * x->x;\n    y->a = pull / 2.0;" in section(code, "outputs").replace(
+    assert "const local pull = u->f - 2.0 * x->x;\n    y->a = pull / 2.0;" in section(code, "outputs").replace(
         "    /* a paper, equation (3) */\n", ""
     )
 
@@ -327,7 +327,7 @@ def test_matrices_have_their_names() -> None:
             "/* 001 (1.4) */\n    der->spool_position = (spool_target - x->spool_position) /",
         ),
         ("ThreeAxleRide", "derivatives", "/* 003 (3.13) */\n    der->body_vz = "),
-        ("ForceTracking", "sample", "/* 001 (1.12) */\n    const real voltage = "),
+        ("ForceTracking", "sample", "/* 001 (1.12) */\n    const scalar voltage = "),
         (
             "MpcHmmwv",
             "sample",

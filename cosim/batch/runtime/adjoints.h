@@ -6,68 +6,55 @@
 #ifndef ADJOINTS_H
 #define ADJOINTS_H
 
+struct Adjoint;
+typedef Adjoint Number;
 #include "expressions.h"
 
 static __thread Tape *tape; /* of the run at hand, for all components */
 extern "C" EXPORT void cosim_use_tape(Tape *of) { tape = of; }
 
-/* Where the operands of a statement go. One that depends on nothing is overwritten by the next. */
-struct Operands {
-    double *slopes;
-    uint32_t *indices;
-    TapeCount at;
-    MEMBER void note(double slope, uint64_t index) {
-        slopes[at] = slope;
-        indices[at] = (uint32_t)index;
-        at += index != 0;
-    }
-};
-
-struct alignas(16) Adjoint : Expression<Adjoint> { /* whole rows, whatever lies between numbers */
-    enum { OPERANDS = 1 };
+struct alignas(16) Adjoint { /* whole rows, whatever lies between numbers */
+    typedef Names<-1> Read;
     double v;
     uint64_t index;
     Adjoint() = default;
     MEMBER Adjoint(double x) : v(x), index(0) {}
     MEMBER Adjoint(double x, uint64_t of) : v(x), index(of) {}
-    template <class E> MEMBER Adjoint(const Expression<E> &e) : v(e.self().v) { enter(e); }
-    /* Such as a limit: the number itself where it moves as that does, also for comparisons with it. */
-    MEMBER Adjoint(const OfOne<Adjoint> &e) : v(e.v), index(e.x.index) {
-        if (e.slope != 1.0) enter(e);
+    template <class E, IS_EXPRESSION(E)> MEMBER Adjoint(const E &e) { *this = e; }
+    template <class E, IS_EXPRESSION(E)> MEMBER Adjoint &operator=(const E &e) {
+        Operands<typename E::Read> all;
+        e.template note<0>(all, 1.0);
+        v = e.v;
+        /* Such as a limit: the number itself where it moves as that does, also for comparisons with it. */
+        if (all.n == 1 && all.slopes[0] == 1.0) index = all.of[0]->index;
+        else enter(all.n, all.slopes, all.of);
+        return *this;
     }
-    template <class E> MEMBER void enter(const Expression<E> &e) {
-        static_assert(E::OPERANDS <= TAPE_SPARE, "a statement has more operands than the tape has space for");
+    MEMBER void enter(int n, const double *slopes, const Adjoint *const *of) {
         /* Without branches: the compiler then keeps both counts in registers from one statement to the next. */
         Tape *const t = tape;
         const TapeCount begin = t->n_operands < t->most ? t->n_operands : t->most;
-        Operands to = {t->slopes, t->operands, begin};
-        e.self().template note<0>(to, 1.0);
-        t->n_operands = to.at;
-        t->n += to.at != begin;
-        t->ends[t->n & t->mask] = (uint32_t)to.at;
-        index = to.at != begin ? t->n : 0;
+        TapeCount at = begin;
+        _Pragma("GCC unroll 64") for (int k = 0; k < n; k++) {
+            t->slopes[at] = slopes[k];
+            t->operands[at] = (uint32_t)of[k]->index;
+            at += of[k]->index != 0;
+        }
+        t->n_operands = at;
+        t->n += at != begin;
+        t->ends[t->n & t->mask] = (uint32_t)at;
+        index = at != begin ? t->n : 0;
     }
-    template <int> MEMBER void note(Operands &to, double slope) const { to.note(slope, index); }
+    template <int AT, class To> MEMBER void note(To &to, double slope) const { to.template note<AT>(slope, *this); }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
-typedef Adjoint Number;
 #define OPERATION INLINE
 
-struct OfMany : Expression<OfMany> {
-    enum { OPERANDS = TAPE_SPARE }; /* at most */
-    double v;
-    int n;
-    const double *slopes;
-    const Adjoint *const *of;
-    template <int> MEMBER void note(Operands &to, double) const {
-        for (int k = 0; k < n; k++) of[k]->note<0>(to, slopes[k]);
-    }
-};
 NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint *const *of) {
-    OfMany all;
-    all.v = value, all.n = n, all.slopes = slopes, all.of = of;
-    return all;
+    Adjoint r(value);
+    r.enter(n, slopes, of);
+    return r;
 }
 INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.index); }
 INLINE int depends(const Adjoint &x) { return x.index != 0; }

@@ -1,8 +1,10 @@
 /* Statements of generated code over numbers with derivatives: a statement, with all its operators, is one expression,
  * whose value is computed in its own order and whose derivatives by the numbers that it reads, its operands, are noted
- * together. tangents.h and adjoints.h say what becomes of operands. */
+ * together. tangents.h and adjoints.h say what becomes of operands; they define `Number` before they include this. */
 #ifndef EXPRESSIONS_H
 #define EXPRESSIONS_H
+
+#include <utility>
 
 #ifndef __clang__ /* what operands point to costs gcc more time than the rest of its work, and gains nothing */
 #pragma GCC optimize("no-tree-pta")
@@ -10,22 +12,58 @@
 
 #define MEMBER inline __attribute__((always_inline))
 
-/* An operand, or an operation on operands, of type E; `v` is its value. Operands are references: a statement's parts
- * live as long as it. */
-template <class E> struct Expression {
-    MEMBER const E &self() const { return static_cast<const E &>(*this); }
+/* The names of what an expression reads, in its order: -1 for elements of arrays and numbers that are not kept. */
+template <int... NAMES> struct Names {
+    enum { COUNT = sizeof...(NAMES) };
+};
+template <int... A, int... B> Names<A..., B...> joined(Names<A...>, Names<B...>);
+
+/* Where the operands of a statement go: those of one name to one place. */
+template <int N> struct Places {
+    int n, at[N + 1], name[N + 1];
+    bool first[N + 1], named;
+};
+template <int... NAMES> constexpr Places<sizeof...(NAMES)> places_of(Names<NAMES...>) {
+    constexpr int names[] = {NAMES..., -1};
+    Places<sizeof...(NAMES)> r = {};
+    r.named = true;
+    for (int i = 0; i < (int)sizeof...(NAMES); i++) {
+        int same = 0;
+        while (same < r.n && (names[i] < 0 || r.name[same] != names[i])) same++;
+        r.first[i] = same == r.n;
+        r.name[same] = names[i];
+        r.at[i] = same;
+        r.n += r.first[i];
+        r.named &= names[i] >= 0;
+    }
+    return r;
+}
+template <class N> struct Operands {
+    static constexpr auto places = places_of(N());
+    static constexpr int n = places.n;
+    double slopes[n];
+    const Number *of[n];
+    template <int AT> MEMBER void note(double slope, const Number &x) {
+        constexpr int k = places.at[AT];
+        slopes[k] = places.first[AT] ? slope : slopes[k] + slope;
+        of[k] = &x;
+    }
 };
 
-/* The chain rule. `note` gives operands, of which the first is number AT of the statement, to `to`. */
-template <class X> struct OfOne : Expression<OfOne<X>> {
-    enum { OPERANDS = X::OPERANDS };
+/* An operand, or an operation on operands, has a value `v`, its names, and `note`, which gives operands to `to`; the
+ * first of them is number AT of the statement. Operands are references: a statement's parts live as long as it. */
+#define IS_EXPRESSION(E) class = typename E::Read
+
+/* The chain rule. */
+template <class X> struct OfOne {
+    typedef typename X::Read Read;
     double v, slope;
     const X &x;
     MEMBER OfOne(double value, double by_x, const X &of) : v(value), slope(by_x), x(of) {}
     template <int AT, class To> MEMBER void note(To &to, double by) const { x.template note<AT>(to, by * slope); }
 };
-template <class X, class Y> struct OfTwo : Expression<OfTwo<X, Y>> {
-    enum { OPERANDS = X::OPERANDS + Y::OPERANDS };
+template <class X, class Y> struct OfTwo {
+    typedef decltype(joined(typename X::Read(), typename Y::Read())) Read;
     double v, slope, second;
     const X &x;
     const Y &y;
@@ -33,24 +71,20 @@ template <class X, class Y> struct OfTwo : Expression<OfTwo<X, Y>> {
         : v(value), slope(by_x), second(by_y), x(of), y(and_of) {}
     template <int AT, class To> MEMBER void note(To &to, double by) const {
         x.template note<AT>(to, by * slope);
-        y.template note<AT + X::OPERANDS>(to, by * second);
+        y.template note<AT + X::Read::COUNT>(to, by * second);
     }
 };
 #define OF_TWO(operator_, value, by_x, by_y)                                                             \
-    template <class X, class Y>                                                                          \
-    MEMBER OfTwo<X, Y> operator operator_(const Expression<X> &left, const Expression<Y> &right) {       \
-        const X &x = left.self();                                                                        \
-        const Y &y = right.self();                                                                       \
+    template <class X, class Y, IS_EXPRESSION(X), IS_EXPRESSION(Y)>                                      \
+    MEMBER OfTwo<X, Y> operator operator_(const X &x, const Y &y) {                                      \
         const double r = value;                                                                          \
         return OfTwo<X, Y>(r, by_x, x, by_y, y);                                                         \
     }
 #define WITH_NUMBER(operator_, value, by_x, value_of_number, by_y)                          \
-    template <class X> MEMBER OfOne<X> operator operator_(const Expression<X> &of, double y) { \
-        const X &x = of.self();                                                             \
+    template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> operator operator_(const X &x, double y) { \
         return OfOne<X>(value, by_x, x);                                                    \
     }                                                                                       \
-    template <class Y> MEMBER OfOne<Y> operator operator_(double x, const Expression<Y> &of) { \
-        const Y &y = of.self();                                                             \
+    template <class Y, IS_EXPRESSION(Y)> MEMBER OfOne<Y> operator operator_(double x, const Y &y) { \
         const double r = value_of_number;                                                   \
         return OfOne<Y>(r, by_y, y);                                                        \
     }
@@ -62,8 +96,26 @@ WITH_NUMBER(+, x.v + y, 1.0, x + y.v, 1.0)
 WITH_NUMBER(-, x.v - y, 1.0, x - y.v, -1.0)
 WITH_NUMBER(*, x.v * y, y, x * y.v, x)
 WITH_NUMBER(/, x.v / y, 1.0 / y, x / y.v, -r / y.v)
-template <class X> MEMBER OfOne<X> operator-(const Expression<X> &of) {
-    return OfOne<X>(-of.self().v, -1.0, of.self());
+template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> operator-(const X &x) {
+    return OfOne<X>(-x.v, -1.0, x);
 }
+
+/* A `local` number of a function: no number, but what it follows from, with its derivatives by that. Statements that
+ * read it have these operands in its place. */
+template <class N> struct Local : Operands<N> {
+    typedef Operands<N> Of;
+    static_assert(Of::places.named, "a local number reads one without a name");
+    template <size_t... I> static Names<Of::places.name[I]...> names_of(std::index_sequence<I...>);
+    typedef std::make_index_sequence<Of::n> Each;
+    typedef decltype(names_of(Each())) Read;
+    double v;
+    template <class E> MEMBER Local(const E &e) : v(e.v) { e.template note<0>(static_cast<Of &>(*this), 1.0); }
+    template <int AT, class To> MEMBER void note(To &to, double by) const { note_each<AT>(to, by, Each()); }
+    template <int AT, class To, size_t... I>
+    MEMBER void note_each(To &to, double by, std::index_sequence<I...>) const {
+        (to.template note<AT + (int)I>(by * this->slopes[I], *this->of[I]), ...);
+    }
+};
+template <class E> Local(const E &) -> Local<typename E::Read>;
 
 #endif

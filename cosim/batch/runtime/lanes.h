@@ -13,7 +13,7 @@
 
 typedef double lanes __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES), aligned(8 * LANES)));
-typedef lanes real;
+typedef lanes real, scalar, local;
 typedef lanes lanes_values;
 typedef mask condition;
 

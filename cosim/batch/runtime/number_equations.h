@@ -25,3 +25,6 @@
 #define product(z, x, y, rows, inner, columns) number_product(z, x, y, rows, inner, columns)
 #define add_product(z, x, y, rows, inner, columns) number_add_product(z, x, y, rows, inner, columns)
 #define solve_linear(x, lu, a, b, n, columns) number_solve_linear(x, lu, a, b, n, columns)
+
+#define scalar Scalar<__COUNTER__>
+#define local Local

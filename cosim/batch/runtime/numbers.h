@@ -40,8 +40,20 @@ INLINE Number chain(double value, double slope, const Number &x, double second, 
 /* An operand of a statement, by what follows from it; it lives as long as the statement. */
 typedef OfOne<Number> Operand;
 static Number nothing; /* 0, which does not move */
-template <class E> MEMBER Number &operator+=(Number &x, const Expression<E> &e) { return x = x + e.self(); }
-template <class E> MEMBER Number &operator*=(Number &x, const Expression<E> &e) { return x = x * e.self(); }
+template <class E, IS_EXPRESSION(E)> MEMBER Number &operator+=(Number &x, const E &e) { return x = x + e; }
+template <class E, IS_EXPRESSION(E)> MEMBER Number &operator*=(Number &x, const E &e) { return x = x * e; }
+
+/* A number that is no element of an array has a name: a statement that reads it twice has it as one operand. */
+template <int NAME> struct Scalar : Number {
+    typedef Names<NAME> Read;
+    Scalar() = default;
+    MEMBER Scalar(double x) : Number(x) {}
+    template <class E, IS_EXPRESSION(E)> MEMBER Scalar(const E &e) : Number(e) {}
+    template <class E, IS_EXPRESSION(E)> MEMBER Scalar &operator=(const E &e) {
+        Number::operator=(e);
+        return *this;
+    }
+};
 
 #define HAS_SIDES 1
 typedef Number lanes;
@@ -121,7 +133,9 @@ OPERATION double fmu_side(const Number &x, const Number &y) {
     return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
 }
 
-INLINE Operand number_square(const Number &x) { return Operand(x.v * x.v, 2.0 * x.v, x); }
+template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_square(const X &x) {
+    return OfOne<X>(x.v * x.v, 2.0 * x.v, x);
+}
 OPERATION Number number_sign(const Number &x) {
     noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
     return Number(sign(x.v));
@@ -171,13 +185,12 @@ OPERATION Number number_ceil(const Number &x) {
 #define LEAVE_VECTORS() (void)0
 #endif
 
-#define OF_ONE(name, slope)                                 \
-    OPERATION Operand number_##name(const Number &x) {      \
-        LEAVE_VECTORS();                                    \
-        const double v = x.v, r = fmu_##name(v);            \
-        (void)v;                                            \
-        if (!depends(x)) return Operand(r, 0.0, nothing);   \
-        return Operand(r, slope, x);                        \
+#define OF_ONE(name, slope)                                                          \
+    template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_##name(const X &x) { \
+        LEAVE_VECTORS();                                                             \
+        const double v = x.v, r = fmu_##name(v);                                     \
+        (void)v;                                                                     \
+        return OfOne<X>(r, slope, x);                                                \
     }
 INLINE double fmu_sqrt(double x) { return sqrt(x); }
 OF_ONE(sqrt, 0.5 / r)

@@ -2,6 +2,8 @@
 #ifndef TANGENTS_H
 #define TANGENTS_H
 
+struct Tangent;
+typedef Tangent Number;
 #include "expressions.h"
 
 /* A part fills a vector register: of longer vectors GCC makes code that is several times slower. */
@@ -11,30 +13,19 @@ typedef double Part __attribute__((vector_size(8 * PART)));
 #define EACH_PART(expression) \
     _Pragma("GCC unroll 32") for (int i = 0; i < PARTS; i++) expression
 
-struct Tangent;
-enum { TOGETHER = 4 }; /* operands that one call adds up: they are in registers */
-template <int N> struct Operands {
-    double slopes[N + TOGETHER]; /* the last are not read */
-    const Tangent *of[N + TOGETHER];
-};
-
-struct Tangent : Expression<Tangent> {
-    enum { OPERANDS = 1 };
+struct Tangent {
+    typedef Names<-1> Read;
     double v;
     uint64_t moves; /* 0: all derivatives are 0; then as many unused numbers as alignment takes */
     Part d[PARTS];
     Tangent() = default;
     Tangent(double x) : v(x), moves(0) { EACH_PART(d[i] = Part{}); }
-    template <class E> MEMBER Tangent(const Expression<E> &e) { *this = e; }
-    template <class E> MEMBER Tangent &operator=(const Expression<E> &e);
-    template <int AT, class To> MEMBER void note(To &to, double slope) const {
-        to.slopes[AT] = slope;
-        to.of[AT] = this;
-    }
+    template <class E, IS_EXPRESSION(E)> MEMBER Tangent(const E &e) { *this = e; }
+    template <class E, IS_EXPRESSION(E)> MEMBER Tangent &operator=(const E &e);
+    template <int AT, class To> MEMBER void note(To &to, double slope) const { to.template note<AT>(slope, *this); }
     double &operator[](int) { return v; }
     double operator[](int) const { return v; }
 };
-typedef Tangent Number;
 #define OPERATION NOINLINE
 
 /* A product with the slope. Where x does not move, its part is 0, also where the slope is infinite. */
@@ -44,46 +35,61 @@ INLINE Part scaled(double slope, const Part &d) {
     for (int i = 0; i < PART; i++) r[i] = d[i] == 0.0 ? 0.0 : slope * d[i];
     return r;
 }
+/* With one more product; the slope is finite. */
 INLINE Part added(const Part &sum, double slope, const Part &d) {
 #if LANES_TARGET == 512
-    if (__builtin_expect(slope - slope == 0.0, 1))
-        return (Part)_mm512_fmadd_pd(_mm512_set1_pd(slope), (__m512d)d, (__m512d)sum);
+    return (Part)_mm512_fmadd_pd(_mm512_set1_pd(slope), (__m512d)d, (__m512d)sum);
+#else
+    return sum + slope * d;
 #endif
-    return sum + scaled(slope, d);
 }
 
-/* The derivatives of r, which may be one of its operands: the first N of these. */
-template <int N>
-NOINLINE void add_up(Tangent *r, double by_a, const Tangent *a, double by_b, const Tangent *b, double by_c,
-    const Tangent *c, double by_d, const Tangent *d) {
-    Part sum[PARTS];
-    EACH_PART(sum[i] = Part{});
-    if (a->moves) EACH_PART(sum[i] = scaled(by_a, a->d[i]));
-    if (N > 1 && b->moves) EACH_PART(sum[i] = added(sum[i], by_b, b->d[i]));
-    if (N > 2 && c->moves) EACH_PART(sum[i] = added(sum[i], by_c, c->d[i]));
-    if (N > 3 && d->moves) EACH_PART(sum[i] = added(sum[i], by_d, d->d[i]));
-    r->moves = a->moves | (N > 1 ? b->moves : 0) | (N > 2 ? c->moves : 0) | (N > 3 ? d->moves : 0);
-    EACH_PART(r->d[i] = sum[i]);
+/* N parts of the derivatives of r, from the same of M operands; their sums are in registers. */
+#define EACH_OF(n, k, statement) \
+    _Pragma("GCC unroll 64") for (int k = 0; k < n; k++) { statement; }
+template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, const Tangent *const *of, int from) {
+    Part sum[N];
+    EACH_OF(N, i, sum[i] = Part{})
+    EACH_OF(M, k, {
+        const double slope = slopes[k];
+        const Part *const d = of[k]->d + from;
+        if (!of[k]->moves) continue;
+        if (__builtin_expect(slope - slope == 0.0, 1)) EACH_OF(N, i, sum[i] = added(sum[i], slope, d[i]))
+        else EACH_OF(N, i, sum[i] += scaled(slope, d[i]))
+    })
+    EACH_OF(N, i, r[from + i] = sum[i])
 }
-template <class E> MEMBER Tangent &Tangent::operator=(const Expression<E> &e) {
-    enum { N = E::OPERANDS, LAST = N > TOGETHER ? (N - TOGETHER - 1) / (TOGETHER - 1) * (TOGETHER - 1) + TOGETHER : 0 };
-    Operands<N> all;
-    e.self().template note<0>(all, 1.0);
-    v = e.self().v;
+/* The derivatives of r, which may be one of its M operands. */
+enum { BLOCK = PARTS <= 14 ? PARTS : (PARTS + 1) / 2, REST = PARTS - BLOCK };
+template <int M> INLINE void add_up(Tangent *r, const double *slopes, const Tangent *const *of) {
+    uint64_t moves = 0;
+    for (int k = 0; k < M; k++) moves |= of[k]->moves;
+    add_up_parts<BLOCK, M>(r->d, slopes, of, 0);
+    if (REST) add_up_parts<REST ? REST : 1, M>(r->d, slopes, of, BLOCK);
+    r->moves = moves;
+}
+enum { FEW = 4 }; /* operands that a call has in registers */
+template <int M>
+NOINLINE void add_up_few(Tangent *r, double by_a, const Tangent *a, double by_b, const Tangent *b, double by_c,
+    const Tangent *c, double by_d, const Tangent *d) {
+    const double slopes[] = {by_a, by_b, by_c, by_d};
+    const Tangent *const of[] = {a, b, c, d};
+    add_up<M>(r, slopes, of);
+}
+template <int M> NOINLINE void add_up_many(Tangent *r, const double *slopes, const Tangent *const *of) {
+    add_up<M>(r, slopes, of);
+}
+template <class E, class> MEMBER Tangent &Tangent::operator=(const E &e) {
+    Operands<typename E::Read> all;
+    e.template note<0>(all, 1.0);
+    v = e.v;
+    enum { N = all.n, SECOND = N > 1, THIRD = N > 2 ? 2 : 0, FOURTH = N > 3 ? 3 : 0 };
     const double *const s = all.slopes;
     const Tangent *const *const x = all.of;
-    if (N <= TOGETHER) {
-        enum { SECOND = N > 1, THIRD = N > 2 ? 2 : 0, FOURTH = N > 3 ? 3 : 0 };
-        add_up<(N < TOGETHER ? N : TOGETHER)>(
+    if (N > FEW) add_up_many<N>(this, s, x);
+    else
+        add_up_few<N < FEW ? N : FEW>(
             this, s[0], x[0], s[SECOND], x[SECOND], s[THIRD], x[THIRD], s[FOURTH], x[FOURTH]);
-        return *this;
-    }
-    Tangent sum;
-    add_up<TOGETHER>(&sum, s[0], x[0], s[1], x[1], s[2], x[2], s[3], x[3]);
-    _Pragma("GCC unroll 64") for (int k = TOGETHER; k < LAST; k += TOGETHER - 1)
-        add_up<TOGETHER>(&sum, 1.0, &sum, s[k], x[k], s[k + 1], x[k + 1], s[k + 2], x[k + 2]);
-    add_up<N - LAST + 1>(
-        this, 1.0, &sum, s[LAST], x[LAST], s[LAST + 1], x[LAST + 1], s[LAST + 2], x[LAST + 2]);
     return *this;
 }
 NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent *const *of) {
