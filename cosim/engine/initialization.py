@@ -84,6 +84,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
         for p in clock_networks(exchange.schedule, lambda m: m.implementation.clocked.values)  # type: ignore[attr-defined]
     ]
+    settled = exchange.values.copy()
     for m in fresh:
         m.implementation.exit_initialization()
     for network in networks:
@@ -95,8 +96,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()
-    if exchange.loops and not restored:
-        exchange.engine.solve_initial_events()
+    if not restored:
+        exchange.engine.follow_events(settled)
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
