@@ -305,12 +305,13 @@ static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
     }
 }
 
-/* Whether values have changed since `before`, which becomes 1 where they have, else 0. */
+/* Whether values have changed since `before`, which becomes 1 where they have, else 0. What is not finite and may not
+ * be so has grown beyond all numbers: it never stays. */
 static bool have_changed(const Engine *e, double *before, size_t n_values) {
     bool found = false;
     for (size_t k = 0; k < n_values; k++) {
         const double was = before[k], size = fabs(was) > 1.0 ? fabs(was) : 1.0;
-        before[k] = fabs(e->values[k] - was) > 1e-12 * size;
+        before[k] = fabs(e->values[k] - was) > 1e-12 * size || (e->check_finite && !isfinite(e->values[k]));
         if (before[k] != 0.0) found = true;
     }
     return found;

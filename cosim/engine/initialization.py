@@ -75,10 +75,9 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.late_loops = sampled_loops(exchange.schedule.connections)
         exchange.forget()
         unsettled = _settle(exchange, fresh, late=True) if exchange.late_loops else unsettled
-    if unsettled:
-        warnings.warn(
-            f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
-        )
+    told = [name for name, value in unsettled.items() if math.isfinite(value)]  # others end the run
+    if told:
+        warnings.warn(f"initial values do not settle, there is a loop among them: {', '.join(told[:10])}", stacklevel=6)
     _check_constants(exchange, fresh)
     networks = [
         ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
@@ -248,14 +247,16 @@ def _continued(exchange: Exchange, state: SystemState) -> list[SystemComponent]:
     return restored
 
 
-def _settle(exchange: Exchange, components: Sequence[SystemComponent], *, late: bool = False) -> list[str]:
+def _settle(exchange: Exchange, components: Sequence[SystemComponent], *, late: bool = False) -> dict[str, float]:
     """Pass outputs to inputs until nothing changes except for rounding; returns the values that still change."""
     changes = exchange.engine.settle(components, late=late)
-    return [
-        f"{component}.{variable}"
-        for (part, component, variable), changed in zip(exchange.layout.keys, changes, strict=True)
+    return {
+        f"{component}.{variable}": value
+        for (part, component, variable), changed, value in zip(
+            exchange.layout.keys, changes, exchange.values.tolist(), strict=True
+        )
         if part == "visible" and changed
-    ]
+    }
 
 
 def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) -> None:
