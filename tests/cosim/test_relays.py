@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from foreign import relay
-from same import bits
+from oracles.adaptive_rule import by_the_adaptive_rule
+from oracles.exchange_rule import by_the_rule
+from same import assert_same, bits
 
 from cosim import ComponentError, CosimError, System
 
@@ -108,6 +112,25 @@ def test_relays_open_in_the_first_row_where_those_before_them_have(folder, versi
         system.add("s", path, step=STEP)
         found = system.run(0.25, record=[f"s.{n}" for n in names])
     assert all((found[f"s.{name}"] == 1.0).all() for name in names)
+
+
+@pytest.mark.parametrize("made", [one, two])
+@ISOLATED
+@VERSIONS
+def test_relays_are_those_of_the_rule_bit_for_bit(folder, version, isolated, made):
+    names = ["m0.y", "m0.open", "m0.updates", "m0.x"]
+    with made(relay.build(version, folder), isolated=isolated) as system:
+        assert_same(system.run(1.0, record=names), by_the_rule(system, 1.0, names))
+
+
+@VERSIONS
+def test_a_run_with_a_tolerance_is_that_of_its_rule(folder, version):
+    names = ["m0.y", "m0.open", "m0.x"]
+    with one(relay.build(version, folder)) as system:
+        expected, accepted, rejected = by_the_adaptive_rule(system, Fraction(1), names, 1e-4)
+        found = system.run(1.0, record=names, tolerance=1e-4)
+    assert_same(found, expected)
+    assert (found.steps.accepted, found.steps.rejected) == (accepted, rejected)
 
 
 @VERSIONS
