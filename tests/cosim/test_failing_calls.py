@@ -42,14 +42,16 @@ def test_a_failing_end_is_told_and_keeps_the_results(folder, version, interface,
     assert (recording["m.x"] == whole["m.x"]).all()
 
 
-def test_an_exported_system_tells_a_failing_end(folder, caplog):
-    path = folder / "System.fmu"
-    with one(failing.build(3, folder), "Terminate", "Error") as system:
+@pytest.mark.parametrize("status", ["Discard", "Error", "Fatal"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_exported_system_tells_a_failing_end(folder, caplog, version, status):
+    path = folder / f"System{version}{status}.fmu"
+    with one(failing.build(version, folder), "Terminate", status) as system:
         system.export_fmu(path)
     with System() as system:
         system.add("whole", path, step="10 ms")
         system.run(0.1, record=["whole.m.x"])
-    assert "component 'm': Terminate failed; the results are complete" in caplog.text
+    assert f"component 'm': fmi{version}Terminate returned {status}; the results of the run are complete" in caplog.text
 
 
 EXCHANGE = failing.FUNCTIONS[failing.FUNCTIONS.index("SetTime") :]
