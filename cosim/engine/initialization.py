@@ -75,9 +75,11 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.late_loops = sampled_loops(exchange.schedule.connections)
         exchange.forget()
         unsettled = _settle(exchange, fresh, late=True) if exchange.late_loops else unsettled
-    told = [name for name, value in unsettled.items() if math.isfinite(value)]  # others end the run
-    if told:
-        warnings.warn(f"initial values do not settle, there is a loop among them: {', '.join(told[:10])}", stacklevel=6)
+    growing = [name for name, value in unsettled.items() if math.isfinite(value)]  # others end the run
+    if growing:
+        warnings.warn(
+            f"initial values do not settle, there is a loop among them: {', '.join(growing[:10])}", stacklevel=6
+        )
     _check_constants(exchange, fresh)
     networks = [
         ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
