@@ -17,6 +17,11 @@ run; if the simulation is continued, the instant is completed first and its samp
 what advancing in one go gives. Nothing is shortened to meet the stop time: a step that reaches beyond it was begun
 before it, and shows its outputs when its end is reached.
 
+Algebraic loops whose components are due are solved at the end of part 1, and again after part 2 where discrete
+components drive them. If discrete states of Model Exchange FMUs in a loop change with its solution, it is solved again
+with these, at most 100 times, until the values stay that its components read of each other. The first instant begins
+with values that belong together in the same way, for all continuous components.
+
 A component may ask to end the simulation. When its step was done the run ends at the end of that step, with an arrival
 and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced
 further.

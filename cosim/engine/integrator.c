@@ -154,6 +154,22 @@ static uint32_t update(Integrator *s, bool nominals) {
     return failed(s, INTEGRATOR_NOT_CONVERGED, 0, t, ERROR);
 }
 
+/* An FMU with other numbers of states or event indicators would read and write beyond its vectors. */
+static uint32_t check_counts(Integrator *s) {
+    const size_t listed[2] = {s->setup.n, s->setup.n_indicators};
+    for (uint32_t i = 0; i < 2; i++) {
+        const uint32_t number = INTEGRATOR_COUNT_STATES + i;
+        size_t found = listed[i];
+        if (!s->call[number] || s->setup.version != 3) continue;
+        const uint32_t status = CALL(number, (void *, size_t *), &found);
+        if (status > ERROR) return failed(s, INTEGRATOR_CALL_FAILED, number, s->memory.time, status);
+        if (status > WARNING || found == listed[i]) continue;
+        s->report.found = found < UINT32_MAX ? (uint32_t)found : UINT32_MAX;
+        return failed(s, INTEGRATOR_OTHER_COUNT, number, s->memory.time, ERROR);
+    }
+    return OK;
+}
+
 /* From event mode to continuous time at the present time. */
 static uint32_t leave_events(Integrator *s) {
     PASS(plain(s, INTEGRATOR_ENTER_CONTINUOUS));
@@ -574,7 +590,8 @@ const char *integrator_function(uint32_t version, uint32_t number) {
             "CompletedIntegratorStep", "GetDirectionalDerivative"},
         {"SetTime", "SetContinuousStates", "GetContinuousStates", "GetContinuousStateDerivatives",
             "GetEventIndicators", "GetNominalsOfContinuousStates", "EnterEventMode", "UpdateDiscreteStates",
-            "EnterContinuousTimeMode", "CompletedIntegratorStep", "GetDirectionalDerivative"}};
+            "EnterContinuousTimeMode", "CompletedIntegratorStep", "GetDirectionalDerivative",
+            "GetNumberOfContinuousStates", "GetNumberOfEventIndicators"}};
     return number < INTEGRATOR_FUNCTIONS ? names[version == 3][number] : NULL;
 }
 
@@ -610,6 +627,11 @@ void integrator_why(const IntegratorSetup *setup, const IntegratorReport *report
             SAY("its next time event is at NaN (nextEventTime of fmi%u%s)", version,
                 integrator_function(version, INTEGRATOR_UPDATE));
         case INTEGRATOR_TERMINATED: SAY("it asks for the end of the simulation");
+        case INTEGRATOR_OTHER_COUNT:
+            SAY("fmi%u%s returns %u, and ModelStructure lists %u %s; export the FMU again", version,
+                integrator_function(version, report->index), report->found,
+                report->index == INTEGRATOR_COUNT_STATES ? setup->n : setup->n_indicators,
+                report->index == INTEGRATOR_COUNT_STATES ? "continuous states" : "event indicators");
         default: break;
     }
 }
@@ -623,6 +645,8 @@ bool integrator_needs(const IntegratorSetup *setup, uint32_t number) {
         case INTEGRATOR_GET_INDICATORS: return setup->n_indicators > 0;
         case INTEGRATOR_COMPLETED: return setup->completed;
         case INTEGRATOR_DIRECTIONAL: return setup->directional;
+        case INTEGRATOR_COUNT_STATES:
+        case INTEGRATOR_COUNT_INDICATORS: return false;
         default: return number < INTEGRATOR_FUNCTIONS;
     }
 }
@@ -672,7 +696,8 @@ uint32_t integrator_begin(void *integrator, double t) {
     s->memory = (IntegratorMemory){.time = t, .implicit = s->setup.method == INTEGRATOR_IMPLICIT};
     s->report = (IntegratorReport){.end = INTEGRATOR_FINE};
     if (s->setup.foreign) environment_begin(s->environment);
-    const uint32_t status = update(s, true);
+    uint32_t status = check_counts(s);
+    if (status <= WARNING) status = update(s, true);
     environment_end(s->environment);
     return status;
 }

@@ -16,7 +16,9 @@
 typedef enum {
     INTEGRATOR_SET_TIME, INTEGRATOR_SET_STATES, INTEGRATOR_GET_STATES, INTEGRATOR_GET_DERIVATIVES,
     INTEGRATOR_GET_INDICATORS, INTEGRATOR_GET_NOMINALS, INTEGRATOR_ENTER_EVENTS, INTEGRATOR_UPDATE,
-    INTEGRATOR_ENTER_CONTINUOUS, INTEGRATOR_COMPLETED, INTEGRATOR_DIRECTIONAL, INTEGRATOR_FUNCTIONS
+    INTEGRATOR_ENTER_CONTINUOUS, INTEGRATOR_COMPLETED, INTEGRATOR_DIRECTIONAL,
+    INTEGRATOR_COUNT_STATES, INTEGRATOR_COUNT_INDICATORS, /* of FMI 3.0, if there */
+    INTEGRATOR_FUNCTIONS
 } IntegratorFunction;
 
 typedef enum { INTEGRATOR_AUTO, INTEGRATOR_EXPLICIT, INTEGRATOR_IMPLICIT } IntegratorMethod;
@@ -33,12 +35,13 @@ typedef enum {
     INTEGRATOR_NOT_CONVERGED,    /* every update of discrete states requires another one */
     INTEGRATOR_TOO_MANY_EVENTS,
     INTEGRATOR_BAD_EVENT,        /* the next time event is at NaN */
-    INTEGRATOR_TERMINATED        /* the FMU asks for the end of the simulation */
+    INTEGRATOR_TERMINATED,       /* the FMU asks for the end of the simulation */
+    INTEGRATOR_OTHER_COUNT       /* function number `index` returns another number than the description has: `found` */
 } IntegratorEnd;
 
 typedef struct {
     uint32_t end, index, status;
-    uint32_t reserved;
+    uint32_t found;
     double time;
     uint64_t steps, rejected, evaluations, events; /* since the start */
 } IntegratorReport;
@@ -63,7 +66,7 @@ typedef struct {
 typedef struct {
     IntegratorSetup setup;
     void *instance;
-    void *call[11];              /* INTEGRATOR_FUNCTIONS; NULL: there is none */
+    void *call[13];              /* INTEGRATOR_FUNCTIONS; NULL: there is none */
     const uint32_t *states, *derivatives; /* value references */
     IntegratorMemory memory;
     IntegratorReport report;

@@ -242,8 +242,16 @@ class FmuFile:
         remedy = "Build or export it for this platform"
         if self._archive.has_sources():
             built += ", but source code"
-            remedy += f", or compile its source code (fmpy compile {shlex.quote(str(self.path))})"
+            remedy += f", or compile its source code ({self._compilation()})"
         raise FmuError(f"{self.path} has no binary for this platform ({self.binary}); {built}. {remedy}")
+
+    def _compilation(self) -> str:
+        """The commands by which FMPy compiles its source code; FMPy does not read folders."""
+        if not self._archive.is_folder:
+            return f"fmpy compile {shlex.quote(str(self.path))}"
+        folder = str(self.path.resolve())
+        file = shlex.quote(f"{folder}-compiled.fmu")
+        return f"python -m zipfile -c {file} {shlex.quote(os.path.join(folder, '.'))}, then fmpy compile {file}"
 
     def library(self) -> Library:
         """The loaded library, with one more user: call its `release()` when done.

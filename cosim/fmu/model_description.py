@@ -586,7 +586,7 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
         reference=_integer(element, "valueReference", what, high=2**32 - 1),
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
-        nominal=_nominal(attributes.get("nominal", "1"), what),
+        nominal=nominal_size(_number(attributes.get("nominal", "1"), f"{what}: nominal")),
         mime_type=attributes.get("mimeType", OCTETS) if fmi_type == "Binary" else "",
         max_size=_whole(attributes["maxSize"], f"{what}: maxSize", 0, LARGEST_BINARY)
         if "maxSize" in attributes
@@ -596,10 +596,9 @@ def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Rea
     )
 
 
-def _nominal(text: str, what: str) -> float:
-    """A size of a variable; 1 instead of zero, infinity and NaN, which are none."""
-    size = abs(_number(text, f"{what}: nominal"))
-    return size if 0 < size < math.inf else 1.0
+def nominal_size(given: float) -> float:
+    """A size of a variable by its nominal value; 1 instead of zero, infinity and NaN, which are none."""
+    return abs(given) if 0 < abs(given) < math.inf else 1.0
 
 
 def _value(kind: str, text: str | None, what: str) -> Any:

@@ -70,7 +70,7 @@ def function_names(version: int) -> list[str]:
     """Names of the functions that the integrator calls, without their prefix, in its order."""
     ffi, compiled = interface(), library()
     pointers = (compiled.cosim_integrator_function(version, i) for i in range(compiled.INTEGRATOR_FUNCTIONS))
-    return [ffi.string(p).decode() for p in pointers]
+    return [ffi.string(p).decode() for p in pointers if p]
 
 
 def integrator_setup(about: Description, options: ModelExchange) -> tuple[list[float], list[int]]:
@@ -118,8 +118,6 @@ class Instance(Protocol):
 
     def _must(self, function: str, *arguments: Any) -> None: ...
 
-    def _query(self, function: str, *arguments: Any) -> bool: ...
-
     def _fail(self, function: str, status: int, detail: str = "") -> None: ...
 
     def _end_requested(self, detail: str, complete: bool) -> NoReturn: ...
@@ -152,9 +150,9 @@ class Integration:
             if missing:
                 raise FmuError(f"component '{component.name}': its library lacks {', '.join(missing)}")
             return
-        calls = ffi.new("void*[]", len(self._names))
+        calls, there = ffi.new("void*[]", compiled.INTEGRATOR_FUNCTIONS), component._library.handle
         for i, name in enumerate(self._names):
-            if name in needed:
+            if name in needed or hasattr(there, full_name(about.fmi_version[0], name)):
                 calls[i] = ffi.cast("void*", component._address(component._function(name)))
         self._space = ffi.new("double[]", (size + 7) // 8)
         instance = ffi.cast("void*", component._address(component._instance))
@@ -192,23 +190,9 @@ class Integration:
         if self._isolated is not None:
             status = self._isolated.integrate(self._packed, t)
         else:
-            self._check_counts()
             status = self._library.cosim_integrator_begin(self._integrator, t)
         if status > WARNING:
             self.fail(status, "its first event iteration")
-
-    def _check_counts(self) -> None:
-        """Raise FmuError where an FMU of FMI 3.0 has other numbers of values, all of which it would read and write."""
-        for function, what, listed in (
-            ("GetNumberOfContinuousStates", "continuous states", self._setup.n),
-            ("GetNumberOfEventIndicators", "event indicators", self._setup.n_indicators),
-        ):
-            found = self._ffi.new("size_t*", listed)
-            if self._setup.version == 3 and self._component._query(function, found) and found[0] != listed:
-                raise FmuError(
-                    f"component '{self._component.name}': fmi3{function} returns {found[0]}, and ModelStructure lists"
-                    f" {listed} {what}; export the FMU again"
-                )
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state by central differences; the state is restored after it.

@@ -23,6 +23,7 @@ from lxml import etree
 from build_fmus.base import safe_files
 from build_fmus.base.checks import one_line
 from cosim.core.description import Description, Variable
+from cosim.fmu.model_description import nominal_size
 from cosim.fmu.xml import schema as xml_schema
 
 MOST = 200  # findings of each kind that are kept; of the others only the number
@@ -233,6 +234,10 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
                     again,
                     f"{kind} {one_line(name, 80)!r} is already defined in line {origin}; the last definition is used",
                 )
+    for definition in root.iterfind(definitions):
+        typed = definition[0] if major == "2" and len(definition) else definition
+        for text in _of_nominal(typed):
+            yield Finding(definition.sourceline, f"type {one_line(definition.get('name', ''), 80)!r}: {text}")
     settable: dict[tuple[str, int], str] = {}
     arrays: dict[str, list[Variable]] = {}
     for variable in about.variables.values():
@@ -267,6 +272,14 @@ def _names(elements: Iterable[Any]) -> dict[str, list[int]]:
     return lines
 
 
+def _of_nominal(element: Any) -> Iterator[str]:
+    """A nominal value that is none. The schema tells of what is no number."""
+    with suppress(ValueError):
+        given = float(element.get("nominal", "1"))
+        if not 0 < given < math.inf:
+            yield f"nominal is {given:g}; {nominal_size(given):g} is used"
+
+
 def _of_variable(
     element: Any, variables: list[Variable], known: dict[str, dict[str, list[int]]], major: str
 ) -> Iterator[str]:
@@ -279,8 +292,7 @@ def _of_variable(
         if outside is not None:
             yield f"start is {outside.start:g}, outside of its range {low:g} to {high:g}"
     typed = element if major == "3" else element[0] if len(element) else element
-    if (nominal := typed.get("nominal")) is not None and not math.isfinite(float(nominal)):
-        yield f"nominal is {float(nominal):g}; 1 is used"
+    yield from _of_nominal(typed)
     if (declared := typed.get("declaredType")) is not None and declared not in known["type"]:
         yield f"type {one_line(declared, 80)!r} is not among the TypeDefinitions"
     if first.unit is not None and first.unit.name not in known["unit"]:

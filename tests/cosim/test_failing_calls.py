@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from foreign import failing
 
-from cosim import CosimError, FmuError, FmuWarning, System
+from cosim import ComponentError, CosimError, FmuWarning, System
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -42,14 +42,16 @@ def test_a_failing_end_is_told_and_keeps_the_results(folder, version, interface,
     assert (recording["m.x"] == whole["m.x"]).all()
 
 
-def test_an_exported_system_tells_a_failing_end(folder, caplog):
-    path = folder / "System.fmu"
-    with one(failing.build(3, folder), "Terminate", "Error") as system:
+@pytest.mark.parametrize("status", ["Discard", "Error", "Fatal"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_exported_system_tells_a_failing_end(folder, caplog, version, status):
+    path = folder / f"System{version}{status}.fmu"
+    with one(failing.build(version, folder), "Terminate", status) as system:
         system.export_fmu(path)
     with System() as system:
         system.add("whole", path, step="10 ms")
         system.run(0.1, record=["whole.m.x"])
-    assert "component 'm': Terminate failed; the results are complete" in caplog.text
+    assert f"component 'm': fmi{version}Terminate returned {status}; the results of the run are complete" in caplog.text
 
 
 EXCHANGE = failing.FUNCTIONS[failing.FUNCTIONS.index("SetTime") :]
@@ -86,9 +88,28 @@ def test_differences_for_a_linear_model_name_the_call_that_is_fatal(folder, vers
         system.linearize()
 
 
-def test_an_fmu_with_other_numbers_of_indicators_than_its_description_is_refused(folder):
+OTHER_COUNTS = {
+    "fmi3GetNumberOfContinuousStates returns 0, and ModelStructure lists 1 continuous states": {"states": 0},
+    "fmi3GetNumberOfEventIndicators returns 2, and ModelStructure lists 1 event indicators": {"indicators": 2},
+}
+
+
+@pytest.mark.parametrize("isolated", [False, True], ids=["in process", "isolated"])
+@pytest.mark.parametrize("text", OTHER_COUNTS)
+def test_an_fmu_with_other_numbers_of_values_than_its_description_is_refused(folder, text, isolated):
     """It would write beyond the memory that it gets."""
-    system = one(failing.build(3, folder, indicators=2), "nothing", "OK", interface="me")
-    text = "fmi3GetNumberOfEventIndicators returns 2, and ModelStructure lists 1 event indicators"
-    with system, pytest.raises(FmuError, match=text):
+    path = failing.build(3, folder, **OTHER_COUNTS[text])
+    system = one(path, "nothing", "OK", interface="me", isolated=isolated)
+    with system, pytest.raises(ComponentError, match=f"component 'm': its integration failed at t = 0 s: {text}"):
         system.run(0.1)
+
+
+@pytest.mark.parametrize("text", OTHER_COUNTS)
+def test_an_exported_system_refuses_it_too(folder, text):
+    exported = folder / f"Other{'States' in text}.fmu"
+    with one(failing.build(3, folder, **OTHER_COUNTS[text]), "nothing", "OK", interface="me") as system:
+        system.export_fmu(exported)
+    with System() as system:
+        system.add("whole", exported, step="10 ms")
+        with pytest.raises(ComponentError, match=text):
+            system.run(0.1)

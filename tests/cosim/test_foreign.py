@@ -1,6 +1,10 @@
 """FMUs of other makers, FMI 2.0 and 3.0 mixed, obey the same rule; files that are no FMUs are refused clearly."""
 
+import re
+import shlex
 import shutil
+import subprocess
+import sys
 import sysconfig
 import zipfile
 from functools import partial
@@ -176,6 +180,21 @@ def test_an_fmu_with_source_code_alone_says_how_to_compile_it(foreign, tmp_path)
         for place in (path, folder):
             with pytest.raises(FmuError, match=text):
                 System().add("a", place, step=1)
+
+
+def test_a_folder_with_source_code_alone_is_packed_first(foreign, tmp_path):
+    """FMPy compiles files only."""
+    folder = tmp_path / "un packed"
+    (folder / "sources").mkdir(parents=True)
+    (folder / "sources" / "code.c").touch()
+    with zipfile.ZipFile(foreign["AddOne2"]) as archive:
+        archive.extract("modelDescription.xml", folder)
+    with pytest.raises(FmuError) as told:
+        System().add("a", folder, step=1)
+    found = re.search(r"\((python -m .*), then fmpy compile '(.*)'\)", str(told.value))
+    subprocess.run([sys.executable, *shlex.split(found[1])[1:]], check=True)
+    with zipfile.ZipFile(found[2]) as archive:
+        assert {"modelDescription.xml", "sources/code.c"} <= set(archive.namelist())
 
 
 def test_a_system_with_two_instances_of_an_fmu_that_allows_one_is_not_exported(foreign, tmp_path):

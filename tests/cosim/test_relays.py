@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from foreign import relay
-from same import bits
+from oracles.adaptive_rule import by_the_adaptive_rule
+from oracles.exchange_rule import by_the_rule
+from same import assert_same, bits
 
 from cosim import ComponentError, CosimError, System
 
@@ -73,7 +77,7 @@ def test_the_first_event_iteration_is_a_part_of_the_loop(folder, version):
         assert abs(begun["m0.y"] - 2.0) < 1e-8
 
 
-@pytest.mark.parametrize("rule", [{"delay": True}, {"extrapolate": True}])
+@pytest.mark.parametrize("rule", [{}, {"delay": True}, {"extrapolate": True}])
 @pytest.mark.parametrize("start", [0, 100])
 def test_what_follows_begins_with_the_values_after_that(folder, rule, start):
     """Not with those before, nor with a line through both."""
@@ -82,7 +86,51 @@ def test_what_follows_begins_with_the_values_after_that(folder, rule, start):
         system.connect("m0.y", "reader.u", **rule)
         found = system.run(start + 0.25, record=["m0.y", "reader.y"], start_time=start)
     assert abs(found["m0.y"][0] - 2.0) < 1e-8
-    assert abs(found["reader.y"][1] - 2.0) < 1e-8
+    assert np.allclose(found["reader.y"][:2], 2.0, rtol=1e-8)
+
+
+def chain(path, *, looped=False):
+    """A relay that opens in its first event iteration, or a loop with one, and two that open where that has."""
+    system = one(path, on=-1.0, off=-1.0) if looped else System()
+    if not looped:
+        system.add("m0", path, step=STEP, parameters={"gain": 0.0, "on": -1.0, "off": -1.0})
+    for name, source in (("second", "m0"), ("third", "second")):
+        system.add(name, path, step=STEP, parameters={"gain": 0.0, "on": 0.5, "off": 0.5})
+        system.connect(f"{source}.y", f"{name}.u")
+    return system
+
+
+@pytest.mark.parametrize("looped", [False, True])
+@VERSIONS
+def test_relays_open_in_the_first_row_where_those_before_them_have(folder, version, looped):
+    names = ["second.open", "third.open", "third.y"]
+    with chain(relay.build(version, folder), looped=looped) as system:
+        expected = system.run(0.25, record=names)
+        path = system.export_fmu(folder / f"Chain{version}{looped}.fmu", fmi=version)
+    assert all((expected[name] == 1.0).all() for name in names)
+    with System() as system:
+        system.add("s", path, step=STEP)
+        found = system.run(0.25, record=[f"s.{n}" for n in names])
+    assert all((found[f"s.{name}"] == 1.0).all() for name in names)
+
+
+@pytest.mark.parametrize("made", [one, two])
+@ISOLATED
+@VERSIONS
+def test_relays_are_those_of_the_rule_bit_for_bit(folder, version, isolated, made):
+    names = ["m0.y", "m0.open", "m0.updates", "m0.x"]
+    with made(relay.build(version, folder), isolated=isolated) as system:
+        assert_same(system.run(1.0, record=names), by_the_rule(system, 1.0, names))
+
+
+@VERSIONS
+def test_a_run_with_a_tolerance_is_that_of_its_rule(folder, version):
+    names = ["m0.y", "m0.open", "m0.x"]
+    with one(relay.build(version, folder)) as system:
+        expected, accepted, rejected = by_the_adaptive_rule(system, Fraction(1), names, 1e-4)
+        found = system.run(1.0, record=names, tolerance=1e-4)
+    assert_same(found, expected)
+    assert (found.steps.accepted, found.steps.rejected) == (accepted, rejected)
 
 
 @VERSIONS

@@ -60,6 +60,8 @@ def findings(path):
         ('declaredType="Length"', "type 'Length' is not among the TypeDefinitions"),
         ('nominal="INF"', "nominal is inf; 1 is used"),
         ('nominal="NaN"', "nominal is nan; 1 is used"),
+        ('nominal="0"', "nominal is 0; 1 is used"),
+        ('nominal="-20"', "nominal is -20; 20 is used"),
         ('unit="furlong"', "unit 'furlong' is not among the UnitDefinitions"),
         ('colour="red"', "attribute 'colour': The attribute 'colour' is not allowed"),
     ],
@@ -73,6 +75,33 @@ def test_values_that_contradict_each_other(tmp_path, version, attributes, words,
     assert words in str(told[0].message)
     assert len(told) == 1
     refused(FmuError, lambda: Fmu(path, strict=True), lambda: System().add("a", path, strict=True))
+
+
+def length(version, nominal):
+    """The definition of a type with a nominal value, on a line of its own."""
+    element = (
+        f'<SimpleType name="Length"><Real nominal="{nominal}"/></SimpleType>'
+        if version == 2
+        else f'<Float64Type name="Length" nominal="{nominal}"/>'
+    )
+    return f"\n<TypeDefinitions>{element}</TypeDefinitions>"
+
+
+@VERSIONS
+@pytest.mark.parametrize(("nominal", "used"), [("INF", 1.0), ("NaN", 1.0), ("0", 1.0), ("-20", 20.0), ("20", 20.0)])
+def test_the_nominal_value_of_a_type_is_looked_at(tmp_path, version, nominal, used):
+    wheel = variable(version, "wheel", "0", 'declaredType="Length"')
+    text = xml(version, wheel, more=length(version, nominal))
+    expected = f"line 3: type 'Length': nominal is {float(nominal):g}; {used:g} is used"
+    assert findings(archive(tmp_path / "typed.fmu", text)) == [expected] * (nominal != "20")
+    assert parse(text, "typed.fmu", Limits()).variables["wheel"].nominal == used
+
+
+@VERSIONS
+def test_a_nominal_value_of_a_type_that_is_no_number_is_told_once(tmp_path, version):
+    text = xml(version, variable(version, "wheel", "0"), more=length(version, "large"))
+    (told,) = findings(archive(tmp_path / "typed.fmu", text))
+    assert "'large' is not a valid value" in told
 
 
 @VERSIONS

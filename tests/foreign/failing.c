@@ -127,8 +127,9 @@ Status fmi2GetBooleanStatus(Instance c, const fmi2StatusKind kind, Flag *value) 
 #else
 #ifndef INDICATORS
 #define INDICATORS 1
+#define STATES 1
 #endif
-Status fmi3GetNumberOfContinuousStates(Instance c, size_t *n) { return *n = 1, F(OK); }
+Status fmi3GetNumberOfContinuousStates(Instance c, size_t *n) { return *n = STATES, F(OK); }
 Status fmi3GetNumberOfEventIndicators(Instance c, size_t *n) { return *n = INDICATORS, F(OK); }
 COUNTED(GetContinuousStateDerivatives, GET_DERIVATIVES, double, x[0] = *at(m, DX))
 Status fmi3UpdateDiscreteStates(

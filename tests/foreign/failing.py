@@ -60,11 +60,11 @@ def description(version: int) -> str:
     )
 
 
-def build(version: int, folder: Path, *, indicators: int = 1) -> Path:
-    """The FMU for this machine, in a folder. `indicators`: how many it has in its code; one is in its description."""
-    name = f"failing{version}" + f"_{indicators}" * (indicators != 1)
+def build(version: int, folder: Path, *, states: int = 1, indicators: int = 1) -> Path:
+    """The FMU for this machine, in a folder, whose code has so many values; its description lists one of each."""
+    name = f"failing{version}" + f"_{states}_{indicators}" * ((states, indicators) != (1, 1))
     sources = [making.HERE / "failing.c", making.others(folder, name, version)]
-    library = making.compile_library(folder, name, version, sources, f"-DINDICATORS={indicators}")
+    library = making.compile_library(folder, name, version, sources, f"-DINDICATORS={indicators}", f"-DSTATES={states}")
     return making.pack(
         folder / f"{name.title()}.fmu", making.contents(version, "failing", description(version), library)
     )

@@ -95,7 +95,7 @@ typedef struct {
     uint32_t (*changed)(const Component *m);       /* bits for component_changed, beside those that the engine sees */
 } Exchange;
 extern const Exchange exchange, events, clocks;
-enum { EXCHANGE_CALLS = 12 }; /* those of the integrator, and InstantiateModelExchange */
+enum { EXCHANGE_CALLS = 14 }; /* those of the integrator, and InstantiateModelExchange */
 
 /* Setup of a component with events. */
 typedef struct {

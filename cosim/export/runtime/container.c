@@ -229,10 +229,14 @@ void fmu_free(FmuInstance *self) {
 
 void fmu_set_mode(FmuInstance *self, FmuMode mode) {
     if (mode == MODE_TERMINATED && self->state->mode == MODE_STEP)
-        for (int32_t i = 0; i < P->n_components; i++)
-            if (!self->components[i].dead && component_terminate(&self->components[i]) > fmi3Warning)
-                (void)fmu_fail(self, FMU_WARNING, "component '%s': Terminate failed; the results are complete, but "
-                    "files that it writes at its end may not be", P->components[i].name);
+        for (int32_t i = 0; i < P->n_components; i++) {
+            Component *m = &self->components[i];
+            const uint32_t status = m->dead ? (uint32_t)fmi3OK : component_terminate(m);
+            if (status > fmi3Warning)
+                (void)fmu_fail(self, FMU_WARNING, "component '%s': fmi%dTerminate returned %s; the results of the run "
+                    "are complete, but files that the FMU writes at its end may not be",
+                    P->components[i].name, m->version, container_status(status));
+        }
     self->state->mode = (int32_t)mode;
 }
 

@@ -81,6 +81,7 @@ void container_forget_last(FmuInstance *self, int32_t i);
 /* container_failures.c. */
 enum { CALL_SAVE = INT32_MIN, CALL_RESTORE }; /* beside those of Engine.call */
 void container_log(void *context, int status, const char *message); /* context: a Source */
+const char *container_status(uint32_t status); /* its name */
 FmuStatus container_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status);
 FmuStatus container_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status);
 FmuStatus container_call_failed(FmuInstance *self, int32_t i);

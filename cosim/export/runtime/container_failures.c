@@ -17,14 +17,17 @@ void container_say_changes(FmuInstance *self) {
     }
 }
 
+const char *container_status(uint32_t status) {
+    static const char *const names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
+    return status < sizeof names / sizeof *names ? names[status] : "no FMI status";
+}
+
 /* What a component's call has returned, as this FMU's status, with a message. After a call that has changed nothing the
  * system continues, unless the component is lost. */
 FmuStatus container_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
     if (self->components[i].dead) self->state->mode = MODE_ERROR;
-    const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
-    const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
-    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->components[i].name, what, name,
-        fmu_time(self));
+    return fmu_fail(self, FMU_ERROR, "component '%s': %s returned %s at time %.9g s", P->components[i].name, what,
+        container_status(status), fmu_time(self));
 }
 
 /* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */

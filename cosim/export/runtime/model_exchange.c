@@ -13,6 +13,7 @@ static bool make(Component *m, const char *name, const char *token, const char *
     for (uint32_t i = 0; i < EXCHANGE_CALLS; i++) {
         const char *const found = i < INTEGRATOR_FUNCTIONS ? integrator_function((uint32_t)m->version, i)
                                                            : "InstantiateModelExchange";
+        if (!found) continue;
         const ExchangeCall call = m->linked ? m->linked[i] : m->find(m->library, m->version, found);
         memcpy(&calls[i], &call, sizeof call);
         if (i < INTEGRATOR_FUNCTIONS && !call && integrator_needs(setup, i)) return false;

@@ -492,7 +492,10 @@ static uint32_t integrate(void) {
     if (!size || region.ask->used < sizeof setup + 8 * (size_t)setup.n_references) return LINK_ERROR;
     void *memory = realloc(integrator, size), *calls[INTEGRATOR_FUNCTIONS];
     if (!memory) return say(LINK_ERROR, "", "no memory for its integrator"), LINK_ERROR;
-    for (uint32_t i = 0; i < INTEGRATOR_FUNCTIONS; i++) calls[i] = function(integrator_function(setup.version, i));
+    for (uint32_t i = 0; i < INTEGRATOR_FUNCTIONS; i++) {
+        const char *const name = integrator_function(setup.version, i);
+        calls[i] = name ? function(name) : NULL;
+    }
     integrator = integrator_make(
         memory, &setup, (const uint32_t *)(const void *)(region.request + sizeof setup), instance, calls);
     return integrator_begin(integrator, region.ask->t);
