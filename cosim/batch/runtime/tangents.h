@@ -39,6 +39,8 @@ INLINE Part scaled(double slope, const Part &d) {
 INLINE Part added(const Part &sum, double slope, const Part &d) {
 #if LANES_TARGET == 512
     return (Part)_mm512_fmadd_pd(_mm512_set1_pd(slope), (__m512d)d, (__m512d)sum);
+#elif LANES_TARGET == 2
+    return (Part)_mm256_fmadd_pd(_mm256_set1_pd(slope), (__m256d)d, (__m256d)sum);
 #else
     return sum + slope * d;
 #endif

@@ -10,11 +10,11 @@
 #if LANES_TARGET == 512 && defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx2"))), apply_to = function)
 #elif LANES_TARGET == 2 && defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+#pragma clang attribute push(__attribute__((target("avx2,fma"))), apply_to = function)
 #elif LANES_TARGET == 512
 #pragma GCC target("avx512f,avx512dq,avx512vl,avx2")
 #elif LANES_TARGET == 2
-#pragma GCC target("avx2")
+#pragma GCC target("avx2,fma")
 #endif
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi"
