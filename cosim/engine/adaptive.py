@@ -81,6 +81,10 @@ SHARE = 0.03
 """The part of the tolerance that the error of one step may be: errors add up."""
 FLOOR = 0.001
 """The part of its nominal value relative to which the error of a smaller output is measured."""
+RESIDUAL = 0.01
+"""The part of that error that the residual of an algebraic loop may be: it would be taken for an error of the step."""
+EXACTEST = 1e-12
+"""No loop is solved more exactly for that: FMUs that iterate, too, compute no better."""
 SAVE, RESTORE = -2, -3
 _READ, _LAST, _STEPWISE = 1, 2, 4
 _Value = tuple[SystemComponent, str] | AlgebraicLoop
@@ -100,6 +104,11 @@ def _tick(schedule: Schedule, tolerance: float, until: Fraction | None) -> Fract
     ):
         tick /= 2
     return tick
+
+
+def tolerance_of_loops(tolerance: float, given: float) -> float:
+    """That of algebraic loops in a run with a tolerance: the `given` one, or a smaller one that the run needs."""
+    return min(given, max(RESIDUAL * SHARE * FLOOR * tolerance, EXACTEST))
 
 
 def _declared(schedule: Schedule) -> Fraction:

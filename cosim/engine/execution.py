@@ -55,7 +55,8 @@ class Execution:
         check_stability: warn of a coupling that amplifies errors (StabilityWarning).
         allow_nan: outputs that are NaN or infinite do not end the run, except with a `tolerance` those that a
             continuous component reads from another one.
-        loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|).
+        loop_tolerance: of the values that solve an algebraic loop, relative to max(nominal value, |value|). A run with
+            a `tolerance` takes a smaller one where it needs it.
         tolerance: of the error that the exchange between continuous components makes in a run, relative to the largest
             magnitude of each value: their communication steps follow it (`cosim.engine.adaptive`). None: their steps
             are fixed.

@@ -9,7 +9,7 @@ from fractions import Fraction
 from cosim.core.component import Array, Ports
 from cosim.core.description import Variable
 from cosim.core.time import MOST_TICKS, TimeBase
-from cosim.engine.adaptive import AdaptiveSteps
+from cosim.engine.adaptive import AdaptiveSteps, tolerance_of_loops
 from cosim.engine.clock import Clock
 from cosim.engine.loops import RepeatedStep
 from cosim.engine.recorder import Recorder
@@ -45,7 +45,7 @@ class Setup:
         """
         self.schedule = schedule
         self.allow_nan = allow_nan
-        self.loop_tolerance = loop_tolerance
+        self.loop_tolerance = loop_tolerance if tolerance is None else tolerance_of_loops(tolerance, loop_tolerance)
         self.tolerance = tolerance
         self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures

@@ -11,7 +11,7 @@ from oracles.adaptive_rule import by_the_adaptive_rule
 from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
 
-from cosim import ComponentError, CosimError, System
+from cosim import ComponentError, CosimError, Execution, System
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -123,10 +123,11 @@ def test_relays_are_those_of_the_rule_bit_for_bit(folder, version, isolated, mad
         assert_same(system.run(1.0, record=names), by_the_rule(system, 1.0, names))
 
 
+@pytest.mark.parametrize("make", [one, two])
 @VERSIONS
-def test_a_run_with_a_tolerance_is_that_of_its_rule(folder, version):
+def test_a_run_with_a_tolerance_is_that_of_its_rule(folder, version, make):
     names = ["m0.y", "m0.open", "m0.x"]
-    with one(relay.build(version, folder)) as system:
+    with make(relay.build(version, folder)) as system:
         expected, accepted, rejected = by_the_adaptive_rule(system, Fraction(1), names, 1e-4)
         found = system.run(1.0, record=names, tolerance=1e-4)
     assert_same(found, expected)
@@ -170,6 +171,16 @@ def test_a_run_with_a_tolerance_meets_it_with_relays(folder, version):
     is_open = found["m0.open"]
     assert is_open.tolist() == sorted(is_open)
     assert np.allclose(found["m0.y"], found.time + 2.0 * is_open, rtol=1e-4)
+
+
+@VERSIONS
+def test_residuals_of_a_loop_are_no_errors_of_steps(folder, version):
+    """The values are straight lines but for one jump: the steps are long before and after it."""
+    with two(relay.build(version, folder)) as system:
+        found = system.run(1.0, record=["m0.y"], execution=Execution(tolerance=1e-4, loop_tolerance=1e-3))
+    is_open = found.time >= 0.5
+    assert np.allclose(found["m0.y"], (found.time + 1.5 * is_open) * 2.0 / 3.0 + is_open, rtol=1e-4)
+    assert found.steps.accepted < 100
 
 
 @VERSIONS
