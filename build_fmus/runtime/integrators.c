@@ -57,7 +57,10 @@ STEP void step_am2(const Integrator *self, double t, double h, int first, real *
     const int n = self->n;
     real *s = self->stage, *now = self->k1, *before = self->k2, *ahead = self->k3;
     self->rhs(self->system, t, x, now);
-    for (int i = 0; i < n; i++) s[i] = x[i] + h * (first ? now[i] : 1.5 * now[i] - 0.5 * before[i]);
+    if (first)
+        for (int i = 0; i < n; i++) s[i] = x[i] + h * now[i];
+    else
+        for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * now[i] - 0.5 * before[i]);
     self->rhs(self->system, t + h, s, ahead);
     for (int i = 0; i < n; i++) x[i] += 0.5 * h * (now[i] + ahead[i]);
     memcpy(before, now, (size_t)n * sizeof *now);
