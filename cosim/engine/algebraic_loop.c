@@ -227,29 +227,31 @@ int engine_solve(Engine *e, int32_t loop) {
     return ENGINE_AT_END;
 }
 
-int engine_update_discrete(Engine *e, int32_t component) {
-    const EngineComponent *m = &e->components[component];
-    if (!m->integrated || !m->fmi) return ENGINE_AT_END;
-    const int result = engine_step(e, m, NAN);
-    engine_put_back_environment(e, m);
-    if (!result || e->status == DISCARD) return ENGINE_AT_END;
-    e->component = component;
-    return result;
+/* Discrete states follow the inputs. A component that refuses it, or asks for the end, does so again in its step. */
+static int update_discrete(Engine *e, const EngineLoop *l) {
+    for (int32_t i = 0; i < l->n_components; i++) {
+        const EngineComponent *m = &e->components[l->components[i]];
+        if (!m->integrated || !m->fmi) continue;
+        const int result = engine_step(e, m, NAN);
+        engine_put_back_environment(e, m);
+        if (!result || e->status == DISCARD) continue;
+        e->component = l->components[i];
+        return result;
+    }
+    return ENGINE_AT_END;
 }
 
-void engine_add(EngineSum *s, double value) {
-    const double term = s->weight * value;
-    s->sum += term;
-    s->size += fabs(term);
-    s->weight += s->weight < 1.4 ? 0.6180339887498949 : -0.3819660112501051;
-}
-
-bool engine_differ(const EngineSum *a, const EngineSum *b) { return fabs(a->sum - b->sum) > 1e-12 * a->size; }
-
-/* Of the values that the loop's components read of each other. */
-static EngineSum sum_of(const Engine *e, const EngineLoop *l) {
-    EngineSum sum = {0.0, 1.0, 1.0};
-    for (uint32_t k = 0; k < l->n_read; k++) engine_add(&sum, e->values[l->read[k]]);
+/* A sum that changes, but for rounding, as soon as a value does that the loop's components read of each other: weights
+ * between 1 and 2 keep changes from canceling. `size`: of its terms. */
+static double weighted_sum(const Engine *e, const EngineLoop *l, double *size) {
+    double sum = 0.0, weight = 1.0;
+    *size = 1.0;
+    for (uint32_t k = 0; k < l->n_read; k++) {
+        const double term = weight * e->values[l->read[k]];
+        sum += term;
+        *size += fabs(term);
+        weight += weight < 1.4 ? 0.6180339887498949 : -0.3819660112501051;
+    }
     return sum;
 }
 
@@ -258,13 +260,26 @@ int engine_solve_events(Engine *e, int32_t loop) {
     int result = engine_solve(e, loop);
     if (result || !l->n_read) return result;
     for (int32_t i = 0; i < MOST_EVENTS; i++) {
-        const EngineSum before = sum_of(e, l);
-        for (int32_t k = 0; k < l->n_components && !result; k++) result = engine_update_discrete(e, l->components[k]);
+        double size;
+        const double before = weighted_sum(e, l, &size);
+        result = update_discrete(e, l);
         if (!result) result = engine_solve(e, loop);
-        const EngineSum sum = sum_of(e, l);
-        if (result || !engine_differ(&sum, &before)) return result;
+        if (result || !(fabs(weighted_sum(e, l, &size) - before) > 1e-12 * size)) return result;
     }
     e->component = loop;
     e->call = 1;
     return ENGINE_NO_SOLUTION;
+}
+
+int engine_solve_initial_events(Engine *e) {
+    e->environment = environment_bits();
+    int result = ENGINE_AT_END;
+    bool solved = false; /* what follows such a loop changes with it */
+    for (int32_t i = 0; i < e->n_loops && !result; i++) {
+        if (e->loops[i].repeats || !(solved || e->loops[i].n_read)) continue;
+        solved = true;
+        result = engine_solve_events(e, i);
+    }
+    if (solved && !result) engine_publish(e);
+    return result;
 }

@@ -170,10 +170,9 @@ class BoundEngine:
             self.raise_failure(result)
         return changes.astype(np.bool_)
 
-    def follow_events(self, before: Array) -> None:
-        """Pass on the values that the first event iterations have changed, and solve loops again; `before`: without."""
-        values = self._address("double*", before)
-        result = self._call(0, lambda: self._library.cosim_engine_follow_events(self._state, values, len(before)))
+    def solve_initial_events(self) -> None:
+        """Solve loops again whose discrete states the first event iteration has changed."""
+        result = self._call(0, lambda: self._library.cosim_engine_solve_initial_events(self._state))
         if result != self.AT_END:
             self.raise_failure(result)
 

@@ -305,46 +305,32 @@ static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
     }
 }
 
-/* Whether values have changed since `before`, which becomes 1 where they have, else 0. What is not finite and may not
- * be so has grown beyond all numbers: it never stays. */
-static bool have_changed(const Engine *e, double *before, size_t n_values) {
-    bool found = false;
-    for (size_t k = 0; k < n_values; k++) {
-        const double was = before[k], size = fabs(was) > 1.0 ? fabs(was) : 1.0;
-        before[k] = fabs(e->values[k] - was) > 1e-12 * size || (e->check_finite && !isfinite(e->values[k]));
-        if (before[k] != 0.0) found = true;
-    }
-    return found;
-}
-
-/* Pass on the values of components from number `begin` on, with loops from number `first` to before `end`; `events`:
- * after initialization. */
-static int pass_on(Engine *e, int32_t begin, const bool *settles, double *before, size_t n_values, int32_t first,
-    int32_t end, bool events) {
+/* With loops from number `first` to before `end`. */
+static int settle(Engine *e, const bool *settles, double *before, size_t n_values, int32_t first, int32_t end) {
+    e->environment = environment_bits();
+    for (int32_t i = first; i < end; i++) begin_loop(e, &e->loops[i], settles);
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
-        for (int32_t i = begin; i < e->n_components; i++) {
+        for (int32_t i = 0; i < e->n_components; i++) {
             if ((settles && !settles[i]) || is_in_loop(e, first, end, i)) continue;
             const int result = engine_exchange(e, &e->components[i], 0.0);
             if (result) return result;
             engine_publish(e);
         }
         for (int32_t i = first; i < end; i++) {
-            if (events && e->loops[i].repeats) continue;
-            const int result = events ? engine_solve_events(e, i) : engine_solve(e, i);
+            const int result = engine_solve(e, i);
             if (result) return result;
             engine_publish(e);
         }
-        if (!have_changed(e, before, n_values)) return ENGINE_AT_END;
+        bool moved = false;
+        for (size_t k = 0; k < n_values; k++) {
+            const double was = before[k], size = fabs(was) > 1.0 ? fabs(was) : 1.0;
+            before[k] = fabs(e->values[k] - was) > 1e-12 * size;
+            if (before[k] != 0.0) moved = true;
+        }
+        if (!moved) return ENGINE_AT_END;
     }
     return ENGINE_UNSETTLED;
-}
-
-/* With loops from number `first` to before `end`. */
-static int settle(Engine *e, const bool *settles, double *before, size_t n_values, int32_t first, int32_t end) {
-    e->environment = environment_bits();
-    for (int32_t i = first; i < end; i++) begin_loop(e, &e->loops[i], settles);
-    return pass_on(e, 0, settles, before, n_values, first, end, false);
 }
 
 int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_values) {
@@ -360,42 +346,4 @@ int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values) {
     const int result = settle(e, settles, before, n_values, 0, e->n_loops + e->n_initial);
     return result == ENGINE_UNSETTLED && e->n_late ? engine_settle_late(e, settles, before, n_values) : result;
-}
-
-/* Whether discrete states of a component follow outside of loops. */
-static bool follows(const Engine *e, int32_t i) {
-    return e->components[i].integrated && !is_in_loop(e, 0, e->n_loops, i);
-}
-
-/* A sum that changes, but for rounding, as soon as one of their inputs does: see engine_add. */
-static EngineSum sum_of_inputs(const Engine *e) {
-    EngineSum sum = {0.0, 1.0, 1.0};
-    for (int32_t i = e->n_discrete; i < e->n_components; i++) {
-        const EngineComponent *m = &e->components[i];
-        for (int32_t k = 0; follows(e, i) && k < m->n_sets; k++) {
-            const EngineTransfer *s = &m->sets[k];
-            for (size_t j = 0; j < (s->element ? s->n : s->n_data); j++)
-                engine_add(&sum, s->element ? m->u[s->place[j]] : ((const double *)s->data)[j]);
-        }
-    }
-    return sum;
-}
-
-int engine_follow_events(Engine *e, double *before, size_t n_values) {
-    bool integrated = false, begins = have_changed(e, before, n_values);
-    for (int32_t i = 0; i < e->n_components; i++) integrated |= e->components[i].integrated != 0;
-    for (int32_t i = 0; i < e->n_loops; i++) begins |= e->loops[i].n_read && !e->loops[i].repeats;
-    if (!integrated || !begins) return ENGINE_AT_END;
-    e->environment = environment_bits();
-    EngineSum last = {0.0, 0.0, 0.0};
-    for (int32_t round = 0; round < 20 + e->n_components; round++) {
-        int result = pass_on(e, e->n_discrete, NULL, before, n_values, 0, e->n_loops, true);
-        if (result && result != ENGINE_UNSETTLED) return result;
-        const EngineSum sum = sum_of_inputs(e);
-        if (round && !engine_differ(&sum, &last)) return ENGINE_AT_END;
-        last = sum;
-        for (int32_t i = e->n_discrete; i < e->n_components; i++)
-            if (follows(e, i) && (result = engine_update_discrete(e, i))) return result;
-    }
-    return ENGINE_AT_END;
 }

@@ -244,16 +244,8 @@ bool engine_finite(const double *y, size_t n);
 int engine_solve(Engine *e, int32_t loop);
 /* The same after initialization, and again as long as discrete states of integrated components follow the values. */
 int engine_solve_events(Engine *e, int32_t loop);
-/* A sum that changes, but for rounding, as soon as one of the values changes that are added to {0, 1, 1}: weights
- * between 1 and 2 keep changes from canceling. `size`: of its terms. */
-typedef struct {
-    double sum, weight, size;
-} EngineSum;
-void engine_add(EngineSum *s, double value);
-bool engine_differ(const EngineSum *a, const EngineSum *b);
-/* Discrete states of a component follow its inputs, if it is integrated. One that refuses it, or asks for the end, does
- * so again in its step. */
-int engine_update_discrete(Engine *e, int32_t component);
+/* The same of all loops with such components, after initialization. */
+int engine_solve_initial_events(Engine *e);
 size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
 void engine_publish(Engine *e);
@@ -263,10 +255,6 @@ void engine_publish(Engine *e);
  * settle, and from the published values of the others. If values do not settle, the late loops are solved instead. */
 int engine_settle(Engine *e, const bool *settles, double *before, size_t n_values);
 int engine_settle_late(Engine *e, const bool *settles, double *before, size_t n_values);
-/* After initialization: if the first event iterations of integrated components have changed values, which were
- * `before`, or if such components are in loops, continuous components and loops follow, and again as discrete states
- * do. */
-int engine_follow_events(Engine *e, double *before, size_t n_values);
 /* One communication step of component number `number`. A failure is described by `call` and `status`. */
 int engine_component(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);

@@ -75,17 +75,15 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.late_loops = sampled_loops(exchange.schedule.connections)
         exchange.forget()
         unsettled = _settle(exchange, fresh, late=True) if exchange.late_loops else unsettled
-    growing = [name for name, value in unsettled.items() if math.isfinite(value)]  # others end the run
-    if growing:
+    if unsettled:
         warnings.warn(
-            f"initial values do not settle, there is a loop among them: {', '.join(growing[:10])}", stacklevel=6
+            f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
         )
     _check_constants(exchange, fresh)
     networks = [
         ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
         for p in clock_networks(exchange.schedule, lambda m: m.implementation.clocked.values)  # type: ignore[attr-defined]
     ]
-    settled = exchange.values.copy()
     for m in fresh:
         m.implementation.exit_initialization()
     for network in networks:
@@ -97,8 +95,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()
-    if not restored:
-        exchange.engine.follow_events(settled)
+    if exchange.loops and not restored:
+        exchange.engine.solve_initial_events()
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
@@ -249,16 +247,14 @@ def _continued(exchange: Exchange, state: SystemState) -> list[SystemComponent]:
     return restored
 
 
-def _settle(exchange: Exchange, components: Sequence[SystemComponent], *, late: bool = False) -> dict[str, float]:
+def _settle(exchange: Exchange, components: Sequence[SystemComponent], *, late: bool = False) -> list[str]:
     """Pass outputs to inputs until nothing changes except for rounding; returns the values that still change."""
     changes = exchange.engine.settle(components, late=late)
-    return {
-        f"{component}.{variable}": value
-        for (part, component, variable), changed, value in zip(
-            exchange.layout.keys, changes, exchange.values.tolist(), strict=True
-        )
+    return [
+        f"{component}.{variable}"
+        for (part, component, variable), changed in zip(exchange.layout.keys, changes, strict=True)
         if part == "visible" and changed
-    }
+    ]
 
 
 def _check_constants(exchange: Exchange, components: Sequence[SystemComponent]) -> None:

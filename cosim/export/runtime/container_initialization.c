@@ -153,7 +153,6 @@ static FmuStatus check_finite(FmuInstance *self) {
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
     State *s = self->state;
     FmuStatus result = container_settle(self);
-    memcpy(self->before, self->values, P->n_values * sizeof *self->before);
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
         uint32_t status = component_exit(&self->components[i]);
         const Exchange *const steps = P->components[i].exchange;
@@ -171,9 +170,9 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     container_say_changes(self);
     engine_publish(&self->engine);
     if (result == FMU_OK) {
-        const int followed = engine_follow_events(&self->engine, self->before, P->n_values);
-        if (followed == ENGINE_CALL_FAILED) result = container_call_failed(self, self->engine.component);
-        else if (followed) result = container_not_solved(self);
+        const int solved = engine_solve_initial_events(&self->engine);
+        if (solved == ENGINE_CALL_FAILED) result = container_call_failed(self, self->engine.component);
+        else if (solved) result = container_not_solved(self);
     }
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
