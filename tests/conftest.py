@@ -179,7 +179,6 @@ FIRST = (
     "conformance/test_package",
     "cli/test_own_experiments",
     "study/test_driver",
-    "builder/test_platforms",
 )
 """Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
 

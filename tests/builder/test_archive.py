@@ -13,7 +13,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from built import FMUS
+from built import FMUS, OBJECTS
 from components import filter_bank, oscillator
 
 from build_fmus import compile as compiling
@@ -93,10 +93,8 @@ def objects(component, directory: Path) -> dict[str, str]:  # type: ignore[no-un
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(data)
         for name in (n for n in files if n.endswith(".c")):
-            toolchain.compile(directory / name, directory / "x.o", [directory])
-            found[name] = subprocess.run(
-                ["nm", str(directory / "x.o")], capture_output=True, text=True, check=True
-            ).stdout
+            compiled = OBJECTS.object(toolchain, directory / name, [directory])
+            found[name] = subprocess.run(["nm", str(compiled)], capture_output=True, text=True, check=True).stdout
     return found
 
 
