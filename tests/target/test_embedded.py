@@ -198,15 +198,15 @@ def test_single_steps_as_many_samples(folder: Path) -> None:
 @pytest.mark.parametrize("name", ["KalmanHmmwv", "MpcBench"])
 def test_saved_states(name: str, folder: Path) -> None:
     """Back to a saved state, there and in another emulator, samples have the same bits as before."""
-    u = inputs_of(declared(name, FMUS).model(), 6, seed=3)
+    u = inputs_of(declared(name, FMUS).model(), 12, seed=3)
     controller, other = running(name, "cortex-m7", folder), running(name, "cortex-m7", folder)
-    controller.take_samples(u[:3])
+    controller.take_samples(u[:6])
     state = controller.save()
-    first = controller.take_samples(u[3:])
-    differs = controller.take_samples(u[3:])
+    first = controller.take_samples(u[6:])
+    differs = controller.take_samples(u[6:])
     other.restore(state)
     controller.restore(state)
-    again, elsewhere = controller.take_samples(u[3:]), other.take_samples(u[3:])
+    again, elsewhere = controller.take_samples(u[6:]), other.take_samples(u[6:])
     n = len(controller._about["outputs"])
     assert again[:, :n].tobytes() == elsewhere[:, :n].tobytes() == first[:, :n].tobytes()
     assert differs[:, :n].tobytes() != first[:, :n].tobytes()
@@ -217,7 +217,7 @@ def test_saved_states(name: str, folder: Path) -> None:
             controller.unpack(b"{}")
     else:
         other.unpack(controller.pack(state))
-        assert other.take_samples(u[3:])[:, :n].tobytes() == first[:, :n].tobytes()
+        assert other.take_samples(u[6:])[:, :n].tobytes() == first[:, :n].tobytes()
         for forged in ({"memory": state["memory"][1:]}, {"inputs": state["inputs"] * np.nan}, {"set": {}}):
             with pytest.raises(CosimError, match="not one of the firmware"):
                 other.unpack(plain.encode(state | forged))
@@ -245,7 +245,9 @@ def test_rollback_of_a_system(folder: Path) -> None:
     assert np.ptp(rest) > 0
 
 
-@pytest.mark.parametrize("name", ["Skyhook", "ForceTracking", "GpcPreview", "MpcBench"])
+@pytest.mark.parametrize(
+    "name", ["Skyhook", "ForceTracking", "GpcPreview", pytest.param("MpcBench", marks=pytest.mark.embedded)]
+)
 def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: str, folder: Path) -> None:
     model = declared(name, FMUS).model()
     u = inputs_of(model, 20, seed=2)
@@ -253,7 +255,7 @@ def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: s
     expected, _ = run_library(assemble(model, "single"), u, n, folder)
     build_library(declared(name, FMUS), TARGETS["cortex-m4f"], folder, "single")
     results = []
-    for processor, few in (("cortex-m4f-single", len(u)), ("cortex-m4f", 1)):  # the second one for instructions alone
+    for processor, few in (("cortex-m4f-single", len(u)), ("cortex-m4f", 3)):  # the second one for instructions alone
         controller = built(name, processor, folder)
         controller.instantiate(name)
         controller.begin()
@@ -263,7 +265,7 @@ def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: s
         controller.close()
         results.append(y)
     assert results[0][:, :n].tobytes() == expected.tobytes()
-    assert results[0][0, n] < 0.5 * results[1][0, n]  # instructions
+    assert results[0][:3, n].max() < 0.5 * results[1][:, n].max()  # instructions
 
 
 def bumps(controller: EmulatedTarget | str) -> System:
