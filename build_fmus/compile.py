@@ -15,6 +15,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -104,7 +105,9 @@ class Toolchain:
         """One file of C, or of C++ that needs no library, to one object file."""
         pic = () if self.platform.is_windows else ("-fPIC",)
         flags = _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
-        self._run([*flags, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
+        self._run(
+            [*flags, *pic, *(f"-I{i.absolute()}" for i in include), "-c", source.absolute(), "-o", output.absolute()]
+        )
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
         """Link objects to a shared library without undefined symbols; loaders know it by the name of `output`.
@@ -119,7 +122,7 @@ class Toolchain:
         elif self.platform.suffix == ".dylib":
             flags += [f"-Wl,-install_name,@rpath/{output.name}"]
         more = self._loader() if loads and self.platform.suffix == ".so" else []
-        self._run([*flags, *map(str, objects), *more, "-o", str(output)])
+        self._run([*flags, *(o.absolute() for o in objects), *more, "-o", output.absolute()])
 
     def _loader(self) -> list[str]:
         """Flags for the functions that open libraries.
@@ -133,16 +136,20 @@ class Toolchain:
     def link_program(self, objects: Sequence[Path], output: Path) -> None:
         """Objects to a program that opens libraries and has threads."""
         more = ("-ldl", "-lpthread", "-lm") if self.platform.suffix == ".so" else ()
-        self._run(["-s", *map(str, objects), *more, "-o", str(output)])
+        self._run(["-s", *(o.absolute() for o in objects), *more, "-o", output.absolute()])
 
-    def _run(self, arguments: list[str]) -> None:
+    def _run(self, arguments: Sequence[str | Path]) -> None:
+        """Run the compiler; paths are absolute.
+
+        ziglang links libraries of its own, which it compiles again in another working folder: all its runs have one.
+        """
         environment = dict(os.environ)
-        environment.setdefault(
-            "ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig")
-        )  # ziglang links what it holds
-        done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False, env=environment)
+        environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))
+        folder = Path(sys.executable).anchor if "ziglang" in self.version else None
+        command = [*self.command, *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=folder)
         if done.returncode != 0:
-            raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
+            raise CompileError(f"{' '.join(command)}\n{done.stderr.strip()}")
 
 
 def find_toolchain(platform_name: str) -> Toolchain:

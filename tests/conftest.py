@@ -5,6 +5,8 @@ The FMUs of the catalog and of the tests, built once and only when something cha
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import re
 import signal
@@ -28,6 +30,8 @@ if (
     signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 ):  # as in the background of a shell; the programs that tests interrupt inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+gc.disable()  # until all tests are collected (pytest_collection_finish)
 
 from hypothesis import settings  # noqa: E402
 
@@ -175,7 +179,6 @@ FIRST = (
     "conformance/test_package",
     "cli/test_own_experiments",
     "study/test_driver",
-    "builder/test_platforms",
 )
 """Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
 
@@ -198,3 +201,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     missing = [path for path in rank if not path.is_file()]
     assert not missing, f"conftest.py: no such test file: {', '.join(map(str, missing))}"
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+
+
+def pytest_collection_finish() -> None:
+    """The garbage collector leaves out the 20,000 collected tests, which exist until the end."""
+    gc.freeze()
+    atexit.register(gc.unfreeze)  # libraries report what is left at the end as leaks
+    gc.enable()

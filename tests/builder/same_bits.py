@@ -7,9 +7,10 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+from built import OBJECTS
 
 from build_fmus import generate
-from build_fmus.compile import CFLAGS, host
+from build_fmus.compile import CFLAGS, find_toolchain, host
 from build_fmus.component import Model
 from build_fmus.equations.casadi_code import casadi_code
 from build_fmus.mathematics import math_files
@@ -120,7 +121,9 @@ def _built(component: Model, folder: Path) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
     flags = [f for f in CFLAGS if "visibility" not in f]
-    sources = [str(folder / n) for n in files if n.endswith(".c")]
+    mathematics = [folder / n for n in files if n.endswith(".c") and n != "model.c"]
+    objects = [str(OBJECTS.object(find_toolchain(host()), source, [folder])) for source in mathematics]
+    sources = [str(folder / "model.c"), *objects]
     command = ["gcc", *flags, "-w", "-fPIC", "-shared", f"-I{folder}", *sources, "-o", str(folder / "both.so")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

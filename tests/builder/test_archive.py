@@ -13,11 +13,20 @@ from pathlib import Path
 
 import fmpy
 import pytest
-from built import FMUS
+from built import FMUS, OBJECTS
 from components import filter_bank, oscillator
 
 from build_fmus import compile as compiling
-from build_fmus.compile import CFLAGS, PLATFORMS, CompileError, ObjectCache, find_toolchain, host, resolve_platforms
+from build_fmus.compile import (
+    CFLAGS,
+    PLATFORMS,
+    CompileError,
+    ObjectCache,
+    Toolchain,
+    find_toolchain,
+    host,
+    resolve_platforms,
+)
 from build_fmus.generate import FIRST_INSTANCE, generate_c, identity
 from build_fmus.package import build_fmu, source_files
 
@@ -93,10 +102,8 @@ def objects(component, directory: Path) -> dict[str, str]:  # type: ignore[no-un
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(data)
         for name in (n for n in files if n.endswith(".c")):
-            toolchain.compile(directory / name, directory / "x.o", [directory])
-            found[name] = subprocess.run(
-                ["nm", str(directory / "x.o")], capture_output=True, text=True, check=True
-            ).stdout
+            compiled = OBJECTS.object(toolchain, directory / name, [directory])
+            found[name] = subprocess.run(["nm", str(compiled)], capture_output=True, text=True, check=True).stdout
     return found
 
 
@@ -169,6 +176,25 @@ def test_a_compiler_with_arguments(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert find_toolchain(host()).version != toolchain.version
     monkeypatch.setenv("CC", str(launcher))  # a path with a space
     assert find_toolchain(host()).command == (str(launcher),)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or os.name == "nt", reason="needs a C compiler named cc")
+def test_ziglang_has_one_working_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """In another one it compiles its C libraries again. Paths that the builder gets may be relative."""
+    launcher = tmp_path / "launcher"
+    launcher.write_text('#!/bin/sh\npwd >> "$(dirname "$0")/folders"\nexec cc "$@"\n')
+    launcher.chmod(0o755)
+    toolchain = Toolchain(PLATFORMS[host()], (str(launcher),), "ziglang")
+    for folder in (tmp_path / "one", tmp_path / "two"):
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        Path("six.h").write_text("#define SIX 6")
+        Path("sub").mkdir()
+        Path("sub", "six.c").write_text('#include "six.h"\nint six[SIX];')
+        toolchain.compile(Path("sub/six.c"), Path("six.o"), [Path()])
+        toolchain.link([Path("six.o")], Path("six.so"))
+        assert Path("six.so").is_file()
+    assert len(set((tmp_path / "folders").read_text().splitlines())) == 1
 
 
 def test_compiler_errors_carry_the_compilers_words(tmp_path: Path) -> None:

@@ -132,7 +132,8 @@ MAKERS = {f.__name__: f for f in (all_operations, all_matrix_operations, with_pr
 CATALOG = (
     "QuarterCarHmmwv",
     "HydraulicActuator",
-    "FullCarHmmwv",
+    "RideCarHmmwv",
+    pytest.param("FullCarHmmwv", marks=pytest.mark.full),  # gcc takes ten seconds for both codes
     "KalmanHmmwv",
     "RoadPerryman3",
     "MpcBench",

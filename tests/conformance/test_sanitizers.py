@@ -18,11 +18,27 @@ COSTLY = {"FullCarHmmwvPublic", "FullCarHmmwvTires", "ThreeAxleTrench"}
 """Plants for whose equations gcc takes 10 to 30 seconds with these flags; others have the same kinds of statements."""
 
 
-def _full_where_costly(name: str) -> Any:
-    return pytest.param(name, marks=[pytest.mark.full] * (name in COSTLY))
+OTHER_NUMBERS = {
+    "ForceTrackingPhysical",
+    "FullCarHmmwvModified",
+    "HydraulicActuatorPhysical",
+    "LqrHmmwvKilonewton",
+    "PreviewLqComfort5ms",
+    "PreviewLqRoadHolding",
+    "RideCarSedan",
+    "RoadProvingGround5ms",
+    "RoadProvingGroundHmmwv",
+    "RoadProvingGroundHmmwvPublic",
+    "RoadProvingGroundThreeAxle",
+}
+"""Components of the same function as another one, from other numbers."""
 
 
-@pytest.mark.parametrize("name", [*map(_full_where_costly, NAMES)])
+def _full_where_costly_or_alike(name: str) -> Any:
+    return pytest.param(name, marks=[pytest.mark.full] * (name in COSTLY | OTHER_NUMBERS))
+
+
+@pytest.mark.parametrize("name", [*map(_full_where_costly_or_alike, NAMES)])
 @pytest.mark.sanitizer
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc with AddressSanitizer")
 def test_clean_under_sanitizers(fmu: Library, tmp_path: Path) -> None:

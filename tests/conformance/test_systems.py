@@ -24,7 +24,7 @@ from built import FMUS, BuiltFmus
 from foreign import followers
 
 from cosim import System
-from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.bench import runs as bench
 from cosim.study import FmuSet
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -55,8 +55,8 @@ for _module in (test_calls, test_compliance, test_inputs, test_package, test_sta
 
 
 def _passive(_: Path) -> System:
-    """A car on its road, at its own speed; its actuators are inputs."""
-    return gpc.wire(FmuSet(FMUS), gpc.Case("sine", controller="passive"))
+    """The test bench on its road; its actuator is an input."""
+    return bench.wire(FmuSet(FMUS), bench.Case("passive"))
 
 
 def _law_and_plant(_: Path) -> System:
@@ -90,7 +90,7 @@ def _with_foreign(folder: Path) -> System:
 
 
 SYSTEMS: dict[str, Callable[[Path], System]] = {
-    "PassiveCar": _passive,
+    "Passive": _passive,
     "LawAndPlant": _law_and_plant,
     "Sampled": _sampled,
     "WithForeign": _with_foreign,

@@ -24,24 +24,24 @@ from foreign import calculating, making
 from same import bits
 
 from cosim import CosimError, Fmu, FmuError, PythonComponent, Record, System, WiringError
-from cosim.experiments.gpc import EXPERIMENT
-from cosim.experiments.gpc.runs import Case, wire
+from cosim.experiments.bench import EXPERIMENT
+from cosim.experiments.bench.runs import Case, wire
 from cosim.fmu.validation import Verdict
 from cosim.study import FmuSet, Runner
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 IN_ECOS = Path(__file__).parents[1] / "conformance" / "run_in_ecos.py"
-RECORD = ["car.body.az", "car.tire.fl.force", "controller.force.fl", "speed.x"]
+RECORD = ["plant.body.az", "plant.tire.deflection", "controller.force", "road.road.height"]
 
 
 @pytest.fixture(scope="module")
 def ride(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:  # noqa: ARG001
-    """The closed loop of GPC with preview as one FMU, by FMI version, as the command line exports it."""
+    """The test bench under its LQR as one FMU, by FMI version, as the command line exports it."""
     folder = tmp_path_factory.mktemp("ride")
     program, outputs = Path(sys.executable).with_name("cosim"), [x for n in RECORD for x in ("--output", n)]
     found = {fmi: folder / str(fmi) / "Ride.fmu" for fmi in (2, 3)}
     for fmi, path in found.items():
-        command = ["export", "gpc", "--controller", "preview", "--fmus", FMUS, "--fmi", fmi, "--fmu", path, *outputs]
+        command = ["export", "bench", "--controller", "lqr", "--fmus", FMUS, "--fmi", fmi, "--fmu", path, *outputs]
         subprocess.run([program, *map(str, command)], check=True, capture_output=True)
     return found
 
@@ -49,7 +49,7 @@ def ride(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dic
 @pytest.fixture(scope="module")
 def shown(built_fmus: BuiltFmus) -> np.ndarray:  # noqa: ARG001
     """What the system itself shows every 10 ms of 2 s, plant values at their time and commands of the sample before."""
-    with Runner(EXPERIMENT, FmuSet(FMUS)) as runner, runner.system(Case()).initialize(record=RECORD) as simulation:
+    with Runner(EXPERIMENT, FmuSet(FMUS)) as runner, runner.system(Case("lqr")).initialize(record=RECORD) as simulation:
         rows = [[simulation[n] for n in RECORD]]
         for k in range(1, 201):
             simulation.advance(f"{k}/100")
@@ -112,11 +112,11 @@ def test_a_container_in_a_container_shows_the_same(built_fmus, tmp_path):
 def test_the_last_row_of_a_run_is_what_the_fmu_shows(ride, fmi):
     """Plant values at their time; sampled values, which an FMU shows from its next step on, one step of 1 ms later."""
     with Runner(EXPERIMENT, FmuSet(FMUS)) as runner:
-        run = runner.system(Case()).run("1/10", record=Record(RECORD, "1 ms"))
+        run = runner.system(Case("lqr")).run("1/10", record=Record(RECORD, "1 ms"))
     with System() as outer:
         outer.add("ride", ride[fmi], step="1 ms")
         fmu = outer.run("101/1000", record=Record([f"ride.{n}" for n in RECORD], "1 ms"))
-    plant = [n.startswith("car.") for n in RECORD]
+    plant = [n.startswith("plant.") for n in RECORD]
     for i, n in enumerate(RECORD):
         shown = fmu.data[:-1, i] if plant[i] else fmu.data[1:, i]
         np.testing.assert_array_equal(bits(shown), bits(run.data[:, i]), err_msg=n)
@@ -227,28 +227,27 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
 
 
 def test_inputs_and_parameters_act_as_in_the_system(built_fmus, tmp_path):
-    """A car with its road outside: what the road drove are inputs, and the tunable law is among the parameters."""
-    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
-    with wire(fmus, Case("sine", controller="explicit")) as system:
-        system["car"].set({"body.mass": 2500.0} if "body.mass" in system["car"].description.variables else {})
-        fmu = system.export_fmu(tmp_path / "Open.fmu", without=["road", "speed"], outputs=["car.*"])
+    """A bench with its road outside: what the road drove are inputs, and the tunable law is among the parameters."""
+    fmus = FmuSet(built_fmus.path("RoadBenchBump", 3).parents[1])
+    with wire(fmus, Case("lqr", encoders=True)) as system:
+        system["plant"].set({"body.mass": 2.5})
+        fmu = system.export_fmu(tmp_path / "Open.fmu", without=["road"], outputs=["plant.*"])
     with System() as outer:
         component = outer.add("open", fmu)
         assert component.step == 1 / 1000 or float(component.step) == 1e-3
         assert component.kind == "continuous"
-        assert {"car.road.fl.height", "controller.road.rr.height", "car.target.speed"} <= set(
-            component.description.inputs
-        )
-        assert component.description.inputs["car.road.fl.height"].unit_name == "m"
-        parameter = component.description.parameters["controller.gain.y[1,1]"]
+        inputs = component.description.inputs
+        assert {"plant.road.height", "encoders.encoder.road", "plant.road.rate"} <= set(inputs)
+        assert inputs["plant.road.height"].unit_name == "m"
+        parameter = component.description.parameters["controller.gain[1]"]
         assert (parameter.variability, parameter.source is not None) == ("tunable", True)
-        with outer.initialize(record=["open.car.body.az"]) as simulation:
+        with outer.initialize(record=["open.plant.body.az"]) as simulation:
             simulation.advance("1/100")
-            still = simulation["open.car.body.az"]
-            simulation.set("open.car.road.fl.height", 0.01)
+            still = simulation["open.plant.body.az"]
+            simulation.set("open.plant.road.height", 0.01)
             simulation.advance("2/100")
-            assert simulation["open.car.body.az"] != still
-            simulation.set("open.controller.gain.y[1,1]", 0.0)
+            assert simulation["open.plant.body.az"] != still
+            simulation.set("open.controller.gain[1]", 0.0)
             assert component.implementation.get([parameter]) == [0.0]
 
 

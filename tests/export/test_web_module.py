@@ -140,7 +140,7 @@ def test_the_road_alone_shows_what_lies_ahead(built_fmus: BuiltFmus) -> None:
     known: dict = {}
     with System() as system:
         system.add("speed", built_fmus.path("SpeedProfile", 3), start={"start.x": 0.0, "start.speed": 10.0})
-        system.add("road", built_fmus.path("RoadBumps", 3))
+        system.add("road", built_fmus.path("RoadHoleBump", 3))
         system.connect("speed.x", "road.x")
         system.connect("speed.speed", "road.speed")
         code = code_of("s", system, known)

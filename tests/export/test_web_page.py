@@ -36,7 +36,7 @@ def bench(built_fmus: BuiltFmus, law: str) -> System:
     system = System()
     for name, fmu, more in (
         ("speed", "SpeedProfile", {}),
-        ("road", "RoadBumps", {}),
+        ("road", "RoadHoleBump", {}),
         ("car", "QuarterCarHmmwv", {"step": "1 ms"}),
     ):
         system.add(name, built_fmus.path(fmu, 3), **more)
@@ -163,8 +163,8 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
     for kind, reference, values in road["starts"]:
         assert host.set(reference, list(TYPES)[kind], values) == 0
     assert host.start(road["step"]) == 0
-    parameters = systems[0]["road"].description.parameters
-    bump = float(parameters["bump.first"].start) + 0.5 * float(parameters["bump.length"].start)
+    of = {n: float(v.start) for n, v in systems[0]["road"].description.parameters.items()}
+    bump = of["hole.start"] + of["hole.length"] + of["gap"] + 0.5 * of["bump.length"]
     assert host.set(road["x"], "Float64", [bump - road["sides"]["left"]["ahead"]]) == 0
     assert host.run(1)[0, 0] > 0.01
 

@@ -152,12 +152,13 @@ def test_brakes_stop_the_car_and_do_not_chatter(models):
 
 
 @pytest.mark.parametrize(
-    ("name", "rigid", "throttle"), [("hmmwv", 0, 0.35), ("hmmwv", 1, 0.35), ("hmmwv_tires", 1, 0.5)]
+    ("name", "rigid", "throttle", "laps"),
+    [("hmmwv", 0, 0.35, 0.5), ("hmmwv", 1, 0.35, 0.5), ("hmmwv_tires", 1, 0.5, 1)],
 )
-def test_energy_of_a_lap_with_brakes_and_slip(name, rigid, throttle):
+def test_energy_of_laps_with_brakes_and_slip(name, rigid, throttle, laps):
     """What pedals give equals the change of energy and what dampers and slips take; the error is the solver's.
 
-    Wheels as rigid bodies: what leans out of the vertical gives and takes too, in sum over the lap next to nothing.
+    Wheels as rigid bodies: what leans out of the vertical gives and takes too, in sum next to nothing.
     """
     car = Car(name)
     powers, of = balance(car, rigid), energy(car, dict.fromkeys(CORNERS, 0.0), rigid)
@@ -168,7 +169,7 @@ def test_energy_of_a_lap_with_brakes_and_slip(name, rigid, throttle):
         run.put({"target.speed": 8.0})
         run.x = run.x
         before, yaw, i, rows, least = float(of(run.x)[0]), 0.0, 0, [], []
-        while yaw < 2 * np.pi:
+        while yaw < 2 * np.pi * laps:
             t = i * step
             run.put(
                 {

@@ -246,7 +246,7 @@ def test_energy_balance(car):
     """What actuators and road put in is stored or lost in dampers and tires, over a run, to the solver's accuracy."""
     run = Named(car, uneven(car))
     v = {e.name: run.p[e.slot] for e in car.elements("parameter")}
-    h, steps = 2e-4, 2500
+    h, steps = 4e-4, 1250
     rows, stored = [], []
 
     def inputs(t):

@@ -245,7 +245,9 @@ def test_rollback_of_a_system(folder: Path) -> None:
     assert np.ptp(rest) > 0
 
 
-@pytest.mark.parametrize("name", ["Skyhook", "ForceTracking", "GpcPreview", "MpcBench"])
+@pytest.mark.parametrize(
+    "name", ["Skyhook", "ForceTracking", "GpcPreview", pytest.param("MpcBench", marks=pytest.mark.embedded)]
+)
 def test_single_precision_has_the_numbers_of_this_machine_and_takes_less(name: str, folder: Path) -> None:
     model = declared(name, FMUS).model()
     u = inputs_of(model, 20, seed=2)

@@ -29,11 +29,11 @@ class _Zig(Toolchain):
     """The compiler for browsers. A module is a library whose functions the page calls; it asks its host for nothing."""
 
     def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
-        self._run([*CFLAGS, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
+        self._run([*CFLAGS, *(f"-I{i.absolute()}" for i in include), "-c", source.absolute(), "-o", output.absolute()])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
         assert not loads, "a module opens no libraries"
-        self._run(["-mexec-model=reactor", "-s", *map(str, objects), "-o", str(output)])
+        self._run(["-mexec-model=reactor", "-s", *(o.absolute() for o in objects), "-o", output.absolute()])
 
 
 @dataclass(frozen=True)
