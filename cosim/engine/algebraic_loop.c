@@ -227,7 +227,8 @@ int engine_solve(Engine *e, int32_t loop) {
     return ENGINE_AT_END;
 }
 
-/* Discrete states follow the inputs. A component that refuses it, or asks for the end, does so again in its step. */
+/* Discrete states follow the inputs. A component that refuses it does so again in its step, and its integrator
+ * remembers that it has asked for the end. */
 static int update_discrete(Engine *e, const EngineLoop *l) {
     for (int32_t i = 0; i < l->n_components; i++) {
         const EngineComponent *m = &e->components[l->components[i]];

@@ -135,6 +135,7 @@ static uint32_t update(Integrator *s, bool nominals) {
             TRY(INTEGRATOR_UPDATE, CALL(INTEGRATOR_UPDATE, (void *, bool *, bool *, bool *, bool *, bool *, double *),
                 &flag[0], &flag[1], &flag[2], &flag[3], &flag[4], &next));
         }
+        s->memory.ends |= flag[1];
         if (flag[1]) return failed(s, INTEGRATOR_TERMINATED, 0, t, DISCARD);
         called(s);
         nominals |= flag[2];
@@ -705,6 +706,7 @@ uint32_t integrator_begin(void *integrator, double t) {
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior) {
     Integrator *const s = integrator;
     s->no_set_prior = no_set_prior != 0;
+    if (s->memory.ends) return failed(s, INTEGRATOR_TERMINATED, 0, s->memory.time, DISCARD);
     if (t != t) t = s->memory.time, h = 0.0;
     if (!(size_of(t - s->memory.time) <= 2.0 * resolution(t, h))) s->memory.time = t; /* not where a time event was */
     if (!solves(&s->setup)) s->memory.implicit = 0; /* whatever a saved state says */

@@ -61,6 +61,7 @@ typedef struct {
     double time, h;
     int32_t implicit, stiff, not_stiff;
     int32_t directional;         /* directional derivatives: 0 not yet compared with differences, 1 right, 2 wrong */
+    int32_t ends;                /* it has asked for the end: the next step ends the simulation */
 } IntegratorMemory;
 
 typedef struct {

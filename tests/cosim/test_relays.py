@@ -117,6 +117,16 @@ def test_a_relay_that_closes_where_it_opens_ends_the_run_by_name(folder, version
     assert ended.value.recording.time[-1] == 0.375
 
 
+@ISOLATED
+@VERSIONS
+def test_a_relay_that_asks_for_the_end_once_ends_the_run(folder, version, isolated):
+    """In the update that follows the loop, which is not repeated."""
+    with one(relay.build(version, folder), isolated=isolated, ends=1.0) as system:
+        found = system.run(1.0, record=["m0.open"])
+    assert found.time[-1] == 0.5
+    assert found["m0.open"].tolist() == [0, 0, 0, 0, 1]
+
+
 @VERSIONS
 def test_an_exported_system_does_the_same(folder, version):
     names = ["m0.y", "m1.y", "m0.open", "m1.open"]

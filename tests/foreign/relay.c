@@ -1,9 +1,9 @@
 /* A relay, FMI 2.0 or 3.0, Model Exchange: y = gain (u + a) + offset while it is open, without offset else. It opens
  * where u + a >= on and closes where u + a < off, both by an update of discrete states, and dx/dt = y. `updates` counts
- * those. */
+ * those. The update in which it opens asks for the end if `ends` is not 0. */
 #include "../fmi_names.h"
 
-enum { U, Y, X, DX, GAIN, OFFSET, ON, OFF, OPEN, UPDATES, A, VALUES };
+enum { U, Y, X, DX, GAIN, OFFSET, ON, OFF, OPEN, UPDATES, A, ENDS, VALUES };
 
 typedef struct {
     double value[VALUES];
@@ -39,23 +39,28 @@ static double *at(Model *m, Reference r) {
     v[DX] = v[Y] = v[GAIN] * (v[U] + v[A]) + (v[OPEN] != 0.0 ? v[OFFSET] : 0.0);
     return &v[r];
 }
-static Status update(Model *m) {
-    double *const v = m->value;
+static Flag update(Model *m) {
+    double *const v = m->value, was = v[OPEN];
     v[UPDATES] += 1.0;
     if (v[U] + v[A] >= v[ON]) v[OPEN] = 1.0;
     else if (v[U] + v[A] < v[OFF]) v[OPEN] = 0.0;
-    return F(OK);
+    return v[ENDS] != 0.0 && v[OPEN] > was;
 }
 ACCESS(REAL, double, EACH(value[i] = *at(c, vr[i])), EACH(M->value[vr[i]] = value[i]))
 COPIED_STATES(Model, )
 #if FMI == 2
 Status fmi2GetDerivatives(Instance c, double dx[], size_t n) { return dx[0] = *at(c, DX), fmi2OK; }
-Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) { return memset(i, 0, sizeof *i), update(c); }
+Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) { 
+    memset(i, 0, sizeof *i);
+    i->terminateSimulation = update(c);
+    return fmi2OK;
+}
 #else
 Status fmi3GetContinuousStateDerivatives(Instance c, double dx[], size_t n) { return dx[0] = *at(c, DX), fmi3OK; }
 Status fmi3UpdateDiscreteStates(
     Instance c, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined, double *next) {
-    *again = *end = *nominals = *states = *defined = false;
-    return update(c);
+    *again = *nominals = *states = *defined = false;
+    *end = update(c);
+    return fmi3OK;
 }
 #endif

@@ -18,6 +18,7 @@ _VARIABLES = (  # name, causality, variability, start; value references as in re
     ("open", "output", "discrete", ""),
     ("updates", "output", "discrete", ""),
     ("a", "input", "continuous", "0"),
+    ("ends", "parameter", "fixed", "0"),
 )
 
 
