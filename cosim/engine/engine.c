@@ -305,10 +305,12 @@ static void begin_loop(Engine *e, const EngineLoop *l, const bool *settles) {
     }
 }
 
-/* With loops from number `first` to before `end`. */
+/* With loops from number `first` to before `end`. Values that have grown beyond all numbers, and not at once, do not
+ * settle there. */
 static int settle(Engine *e, const bool *settles, double *before, size_t n_values, int32_t first, int32_t end) {
     e->environment = environment_bits();
     for (int32_t i = first; i < end; i++) begin_loop(e, &e->loops[i], settles);
+    bool grown = false;
     for (int32_t round = 0; round < 20 + e->n_components; round++) {
         memcpy(before, e->values, n_values * sizeof(double));
         for (int32_t i = 0; i < e->n_components; i++) {
@@ -327,9 +329,12 @@ static int settle(Engine *e, const bool *settles, double *before, size_t n_value
             const double was = before[k], size = fabs(was) > 1.0 ? fabs(was) : 1.0;
             before[k] = fabs(e->values[k] - was) > 1e-12 * size;
             if (before[k] != 0.0) moved = true;
+            if (isinf(e->values[k]) && size > 1e150 && !isinf(was)) grown = true;
         }
-        if (!moved) return ENGINE_AT_END;
+        if (!moved && !grown) return ENGINE_AT_END;
+        if (!moved) break;
     }
+    for (size_t k = 0; grown && k < n_values; k++) before[k] = isinf(e->values[k]);
     return ENGINE_UNSETTLED;
 }
 

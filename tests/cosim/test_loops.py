@@ -4,6 +4,7 @@ Solved where they are certain or measured, warned of where they are only possibl
 """
 
 from dataclasses import replace
+from string import ascii_letters
 from typing import Any
 
 import numpy as np
@@ -77,10 +78,10 @@ class Attached(Line):
         """Without state: it can run as it is."""
 
 
-def ring(*components: PythonComponent, delay: bool = False) -> System:
+def ring(*components: PythonComponent, delay: bool = False, letters: str = "abcdef") -> System:
     """Each drives the next one, and the last one the first."""
     system = System()
-    names = "abcdef"[: len(components)]
+    names = letters[: len(components)]
     for name, component in zip(names, components, strict=True):
         system.add(name, component, step="1 ms")
     for i, name in enumerate(names):
@@ -398,6 +399,30 @@ def test_initial_values_of_a_sampled_loop_without_a_solution_are_warned_of(warns
 
 class Sampled(Declared):
     kind = "discrete"
+
+
+@pytest.mark.parametrize("n", [2, 40])
+@pytest.mark.filterwarnings("error")
+def test_initial_values_that_overflow_do_not_settle(n):
+    """Those of y = 1e6 u + 1 grow by 1e6 per round; with 40 components there are enough rounds for infinity."""
+    letters = "".join(sorted(ascii_letters))  # in order of execution
+    system = ring(Sampled(), *(Declared() for _ in range(n - 1)), letters=letters)
+    for name in letters[:n]:
+        system[name].set(gain=1.0, shift=0.0)
+    system["A"].set(gain=1e6, shift=1.0)
+    with np.errstate(over="ignore"):
+        begun = system.initialize(record=["A.y"])
+    assert abs(begun["A.y"] + 1e-6) < 1e-9
+
+
+def test_a_value_that_is_infinite_from_the_start_is_named_without_a_warning(recwarn):
+    class Infinite(Declared):
+        def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
+            y[0] = np.inf
+
+    with pytest.raises(ComponentError, match="component 'a': y is inf"):
+        ring(Infinite(), Integrator()).initialize()
+    assert not recwarn.list
 
 
 @pytest.mark.filterwarnings("ignore:initial values do not settle")
