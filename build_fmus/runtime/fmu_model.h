@@ -5,8 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Numbers of equations: `scalar` ones are no elements of arrays; `local` ones, inside of a function, have no derivatives
- * where numbers have some (cosim/batch/runtime/numbers.h). */
+/* Numbers of equations: `scalar` ones are no elements of arrays; `local` ones, inside of a function, have no
+ * derivatives where numbers have some (cosim/batch/runtime/numbers.h). */
 #ifndef LANES /* else a vector of numbers, one for each of the copies side by side */
 typedef double real;
 typedef real scalar, local;
