@@ -282,6 +282,7 @@ class Functions:
             self._tables,
             self._constants,
             branches=part.function not in ("fwd", "fwd_start", "jac"),
+            local=part.function in _IN_LANES and part.function != "start",  # which writes the states that it reads
             known={} if own else self.known,
         )
         wanted = [

@@ -1,4 +1,4 @@
-"""Which numbers of a function keep no derivatives.
+"""The numbers of a function that have no derivatives.
 
 Over numbers with derivatives each statement costs as much as its operands, for each direction (`tangents.h`) or on the
 tape (`adjoints.h`). A number that few others read can be left out: what reads it has its operands in its place, with
@@ -15,6 +15,7 @@ _STATEMENT = 2.0  # cost of a statement, in operands
 _PRODUCT = 0.25  # of a product of two slopes
 _PARAMETER = 0.25  # of an operand that moves in few directions, if in any
 _BRANCH = 0.25  # share of the runs that need what stands under a condition: of two branches one is taken
+_MOST = 64  # operands of a statement: compilers take long for more
 
 
 @dataclass
@@ -25,7 +26,7 @@ class Statement:
         name: of the number; "" for a result.
         reads: names of its operands: those of numbers, and fields such as `x->body_roll`.
         depth: conditions that it stands under.
-        smooth: whether it can be left out: sums, products and functions of such numbers, whose slopes are finite.
+        smooth: whether it can be left out.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Statement:
 
     @property
     def share(self) -> float:
-        """Of the calls that carry it out."""
+        """The part of all calls that carries it out."""
         return float(_BRANCH**self.depth)
 
 
@@ -66,6 +67,8 @@ def without_derivatives(statements: Sequence[Statement]) -> set[str]:
 def _gain(s: Statement, readers: Sequence[Statement]) -> float:
     """Operands that are saved without a number."""
     gain = s.share * (_STATEMENT + _cost(s.reads))
+    if any(len(s.reads | reader.reads) > _MOST for reader in readers):
+        return 0.0
     for reader in readers:
         gain += reader.share * (1.0 - _cost(s.reads - reader.reads) - _PRODUCT * len(s.reads))
     return gain

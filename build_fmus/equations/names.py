@@ -24,7 +24,7 @@ _KEYWORDS = frozenset(
     decltype delete dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr
     operator or or_eq private protected public reinterpret_cast static_assert static_cast template this
     thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
-    I INFINITY NAN NULL linux unix i386 near far
+    I INFINITY NAN NULL linux unix i386 near far scalar local
     """,
     )
 )

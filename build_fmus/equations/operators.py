@@ -118,18 +118,18 @@ _WRITERS: dict[int, _Writer] = {
 } | {getattr(ca, f"OP_{name.upper()}"): _call(name) for name in FUNCTIONS}
 ELEMENTWISE = frozenset(_WRITERS)
 CONDITIONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, *_CONDITIONS)
-SMOOTH = frozenset(
+ARITHMETIC = frozenset(
+    (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_INV, ca.OP_SQ),
+)
+SMOOTH_FUNCTIONS = frozenset(
     (
-        *(ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_INV, ca.OP_SQ),
         *(ca.OP_EXP, ca.OP_EXPM1, ca.OP_ERF, ca.OP_SIN, ca.OP_COS, ca.OP_TAN, ca.OP_ATAN),
         *(ca.OP_SINH, ca.OP_COSH, ca.OP_TANH, ca.OP_ASINH),
     )
 )
-"""Without kinks, and with finite slopes wherever the value is finite: a product of slopes is no 0 times infinity."""
+"""Without kinks, and with a finite slope wherever the value is finite."""
 HELPERS = (
     "real",
-    "scalar",
-    "local",
     "condition",
     "all",
     "any",

@@ -23,7 +23,7 @@ from build_fmus.equations.branches import Block, Branch, Guard, arranged, calls,
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.locals import Statement, without_derivatives
 from build_fmus.equations.names import WIDTH, Struct, identifier
-from build_fmus.equations.operators import ATOM, ELEMENTWISE, SMOOTH, Text, constant, write
+from build_fmus.equations.operators import ARITHMETIC, ATOM, ELEMENTWISE, SMOOTH_FUNCTIONS, Text, constant, write
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -160,16 +160,17 @@ class Statements:
         constants: Mapping[int, str],
         *,
         branches: bool = True,
+        local: bool = True,
         known: Mapping[int, str] | None = None,
     ) -> None:
         """Prepare the statements of functions over `graph`.
 
         `structs`: those of the vectors, by the pointer's name; `constants`: names of constant arrays; `branches`:
-        whether code that only one value of a choice needs stands under its condition, and numbers can be local;
-        `known`: fields of the struct `f` that have the numbers of nodes.
+        whether code that only one value of a choice needs stands under its condition; `local`: whether numbers can be
+        local; `known`: fields of the struct `f` that have the numbers of nodes.
         """
         self._known = known or {}
-        self._branches = branches
+        self._branches, self._local = branches, local
         self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
         self.pointers: dict[str, None] = {}  # vectors that are used
         self._values: dict[int, Value] = {}
@@ -178,6 +179,7 @@ class Statements:
         self._taken: set[str] = set()
         self._explained: set[str] = set()  # sources that stand somewhere above
         self._lines: list[_Line] = []
+        self._kept: frozenset[str] = frozenset()  # numbers that are not local
         self._count = 0
         self._live: set[int] = set()  # all nodes that are needed
         self._guards: dict[int, Guard] = {}
@@ -399,6 +401,7 @@ class Statements:
         array, places = node.arguments
         size, pointer = self.graph.nodes[array].size, self._pointer(array)
         index = self._simple(places, node.size)
+        self._keep([index])
         reads = self._values[array].reads | index.reads
         return Value(
             lambda i: Text(f"look_up({pointer}, {size}, {index.at(i).number.code})"),
@@ -417,11 +420,23 @@ class Statements:
             operands = [self._values[b] if b == a else v for b, v in zip(node.arguments, operands, strict=True)]
         length = sum(v.length for v in operands) + 3 * len(operands)
         reads = frozenset().union(*(v.reads for v in operands))
+        if node.size > 1:  # once for each element
+            self._kept |= reads
         if node.size == 1:
             text = write(node.operation, [v.at(Index("")) for v in operands])
-            smooth = node.operation in SMOOTH and all(v.smooth for v in operands)
+            smooth = all(v.smooth for v in operands)
+            if node.operation not in ARITHMETIC:
+                smooth &= node.operation in SMOOTH_FUNCTIONS and operands[0].plain
+                self._keep(operands)
             return Value(lambda _: text, length, reads=reads, smooth=smooth)
         return Value(lambda index: write(node.operation, [v.at(index) for v in operands]), length, reads=reads)
+
+    def _keep(self, arguments: Iterable[Value]) -> None:
+        """Let numbers that are arguments of functions have derivatives.
+
+        Each call would compute them, and a comparison of a number with itself would be one of two that move apart.
+        """
+        self._kept = self._kept.union(*(v.reads for v in arguments if v.plain))
 
     def _simple(self, a: int, size: int) -> Value:
         """An operand; a number that all elements of a vector are computed with is computed before them."""
@@ -525,6 +540,7 @@ class Statements:
             new, places = rest
             size = self.graph.nodes[places].size
             value, place = self._simple(new, size), self._simple(places, size)
+            self._keep([value, place])
             storage = self._own(n, base)
             i = Index("i" if size > 1 else "")
             call = f"store({storage}, {node.size}, {place.at(i).number.code}, {value.at(i).number.code});"
@@ -643,8 +659,8 @@ class Statements:
         return self._block(items, outside, 0)
 
     def _choose_locals(self, outside: Collection[int]) -> None:
-        """Numbers that keep no derivatives are `local`, except those that are read `outside` of their block."""
-        if not self._branches:
+        """Make numbers without derivatives `local`, except those that are read `outside` of their block."""
+        if not self._local:
             return
         conditions = {line.writes for line in self._lines if line.kind == "condition"}
         statements = [
@@ -652,7 +668,7 @@ class Statements:
                 line.writes,
                 set(line.reads - conditions),
                 len(line.guard),
-                line.smooth and k not in outside,
+                line.smooth and k not in outside and line.writes not in self._kept,
             )
             for k, line in enumerate(self._lines)
         ]

@@ -24,7 +24,8 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 SEGMENTS = 64  # of a run: as many states are saved, and the tape of one is kept
-LOOKS, LOOK = 4, 8  # segments of which a part, one of so many, runs first, to see what depends on the parameters
+TRIED = 4  # segments that begin to run first, to see what depends on the parameters
+PARTS = 8  # of such a segment, of which the first one runs
 WIDTHS = (1, 2, 4, 8)  # results side by side (adjoints.h)
 _SPARE = 4096  # TAPE_SPARE
 _ENTRIES = 1 << 18  # entries that a tape has space for at first; memory that is not written takes none
@@ -184,8 +185,8 @@ class AdjointRun(Batch):
         """
         active: Which = self._first != 0
         self._taken: list[list[npt.NDArray[np.void]]] = [[] for _ in self._states]
-        for number in np.unique(np.linspace(0, len(self._states) - 1, LOOKS).astype(int)).tolist():
-            while (more := self._run_segment(number, active, LOOK)) is not None:
+        for number in np.unique(np.linspace(0, len(self._states) - 1, TRIED).astype(int)).tolist():
+            while (more := self._run_segment(number, active, PARTS)) is not None:
                 active = more
         found = []
         for i in range(0, len(weights), WIDTHS[-1]):
@@ -230,7 +231,8 @@ class AdjointRun(Batch):
     def _run_segment(self, number: int, active: Which, parts: int = 1) -> Which | None:
         """Run one segment with its operations on the tape, on which samples and numbers that are active are the first.
 
-        Of so many parts of it the first. Returns all that is active if that is more in the end.
+        parts: the segment is divided into so many, and the first of them runs. Returns all that is active if that is
+        more in the end.
         """
         state = self._states[number]
         end = self._end if state is self._states[-1] else self._states[number + 1].tick

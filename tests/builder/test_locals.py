@@ -52,6 +52,12 @@ def test_numbers_that_are_left_out_follow_each_other() -> None:
     assert last.reads == {"x->a"}
 
 
+def test_a_statement_has_at_most_as_many_operands_as_compilers_bear() -> None:
+    numbers = [Statement(f"v{k}", {f"x->a{k}_{i}" for i in range(20)}, smooth=True) for k in range(5)]
+    assert len(without_derivatives([*numbers, last := Statement("", {s.name for s in numbers}, 3)])) == 3
+    assert len(last.reads) == 62
+
+
 def test_kinks_infinite_slopes_and_elements_of_arrays_keep_their_numbers() -> None:
     c = Component("Kinds", kind="continuous", description="kinds of numbers", source="a test")
     u, v, w = (c.input(name, "1", name) for name in "uvw")
@@ -83,3 +89,27 @@ def test_kinks_infinite_slopes_and_elements_of_arrays_keep_their_numbers() -> No
         "wide": "local",
     }
     assert "const scalar wide" in outputs  # five read it
+
+
+def test_what_functions_read_keeps_its_derivatives() -> None:
+    """Else a number that is compared with itself would be two, each with derivatives of its own."""
+    c = Component("Pi", kind="continuous", description="control with a limit", source="a test")
+    r, x, i = c.input("r", "1", "wanted"), c.state("x", "1", "position"), c.state("i", "1", "integral")
+    wanted = c.value("wanted", r - x + i)
+    limited = c.value("limited", ca.fmin(ca.fmax(wanted, -5.0), 5.0))
+    c.derivative(x, limited - x)
+    c.derivative(i, ca.if_else(limited == wanted, r - x, 0.0))
+    code = generate.generate_c(c.model(), arrays=False, token="t")
+    assert "const scalar wanted =" in code
+    assert "const scalar limited =" in code
+
+
+def test_what_loops_read_keeps_its_derivatives() -> None:
+    """Each pass would have its operands."""
+    c = Component("Row", kind="continuous", description="a row", source="a test", symbols=ca.MX)
+    a, b, row = c.input("a", "1", "a"), c.input("b", "1", "b"), c.input("row", "1", "a row", shape=(9,))
+    factor = c.value("factor", a * b)
+    c.output("y", factor * row, "1", "products")
+    c.output("z", factor + 1.0, "1", "a sum")
+    code = generate.generate_c(c.model(), arrays=False, token="t")
+    assert "const scalar factor = u->a * u->b;" in code

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -73,7 +75,30 @@ OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
         " z = array[0]",
         (0.7, -1.3),
     ),
+    "a scalar twice": ("s * s + t / s - s", (0.7, -1.3)),
+    "a function of a scalar": ("sin(s) * cos(s) + exp(s * t)", (0.7, -1.3)),
+    "a local": ("a; const local l = s * t + s; z = l * l + t", (0.7, -1.3)),
+    "a local of a local": (
+        "a; const local l = s * t + sin(s); const local m = l * l - t; z = m * l + square(m) / s",
+        (0.7, -1.3),
+    ),
+    "a scalar of a branch": (
+        "a; scalar r = {0}; if (0.0 < s) { const local l = s * t; r = l * l + s; } const local m = r * t;"
+        " z = m + r * s",
+        (0.7, -1.3),
+    ),
+    "a limit of a local": ("a; const local l = s * t; z = fmax(l, t) + fmin(l, s) + l", (0.7, -1.3)),
 }
+# Where a slope is infinite, and what it is multiplied with does not move: both derivatives.
+ROOTS: dict[str, tuple[str, tuple[float, float], tuple[float, float]]] = {
+    "sqrt": ("sqrt(square(a) + square(b))", (0.0, 0.0), (0.0, 0.0)),
+    "sqrt of a scalar": ("t * sqrt(square(s))", (0.0, 1.3), (0.0, 0.0)),
+    "sqrt of a sqrt": ("sqrt(sqrt(2.0 * square(s))) + t", (0.0, 1.3), (0.0, 1.0)),
+    "sqrt of a local": ("a; const local l = 2.0 * square(s); z = sqrt(l) * t + sqrt(sqrt(l))", (0.0, 1.3), (0.0, 0.0)),
+    "acos": ("acos(cos(s)) * t", (0.0, 1.3), (0.0, 0.0)),
+    "a condition": ("exp(-number(0.0 < s)) * t + square(number(0.0 < t)) * t", (0.0, 1.3), (0.0, 2.0)),
+}
+_ALL = {**OPERATIONS, **{name: root[:2] for name, root in ROOTS.items()}}
 CODE = """
 #include "number_equations.h"
 
@@ -92,6 +117,8 @@ extern "C" EXPORT void compute(int which, const double *x, double *result) {
     note_moves(&b, 1);
 #endif
     Number array[5] = {a * a, a * b, b * b, a, b};
+    const scalar s = a;
+    const scalar t = b;
     (void)numbers;
     switch (which) {
 CASES
@@ -114,7 +141,7 @@ Compute = Callable[[str, Any], Any]
 
 def compiled(kind: str, folder: Path) -> Compute:
     """A function of the operation's name, a and b: its value and derivatives by both."""
-    cases = (f"case {i}: {{ z = {code}; break; }}" for i, (code, _) in enumerate(OPERATIONS.values()))
+    cases = (f"case {i}: {{ z = {code}; break; }}" for i, (code, _) in enumerate(_ALL.values()))
     (folder / "musl").mkdir()
     for file in MUSL.glob("*.[ch]"):
         (folder / "musl" / file.name).write_bytes(file.read_bytes())
@@ -136,15 +163,19 @@ def compiled(kind: str, folder: Path) -> Compute:
 
     def compute(name: str, x: Any, _keep: Tape = tape) -> Any:
         result = ffi.new("double[3]")
-        code.compute(list(OPERATIONS).index(name), ffi.new("double[2]", list(x)), result)
+        code.compute(list(_ALL).index(name), ffi.new("double[2]", list(x)), result)
         return np.array(list(result))
 
     return compute
 
 
-@pytest.fixture(scope="module", params=["TANGENTS", "ADJOINTS"])
+@pytest.fixture(scope="module", params=["TANGENTS", "ADJOINTS", "ADJOINTS by ziglang"])
 def compute(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Compute:
-    return compiled(request.param, tmp_path_factory.mktemp("operations"))
+    kind, _, compiler = request.param.partition(" by ")
+    with pytest.MonkeyPatch.context() as patch:
+        if compiler:
+            patch.setenv("CC", shlex.join([sys.executable, "-m", compiler, "cc"]))
+        return compiled(kind, tmp_path_factory.mktemp("operations"))
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
@@ -161,6 +192,12 @@ def test_an_operation_has_the_slopes_of_its_values(compute: Compute, name: str) 
         once = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(slopes)]
         exact = (16.0 * once[1] - once[0]) / 15.0
         assert found[1 + k] == pytest.approx(exact, rel=1e-9, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ROOTS)
+def test_an_infinite_slope_of_what_does_not_move_counts_for_nothing(compute: Compute, name: str) -> None:
+    _, at, expected = ROOTS[name]
+    assert compute(name, np.array(at))[1:].tolist() == list(expected)
 
 
 def test_a_limit_that_does_not_act_is_the_number_itself(compute: Compute) -> None:

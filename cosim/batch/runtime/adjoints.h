@@ -23,6 +23,7 @@ struct alignas(16) Adjoint { /* whole rows, whatever lies between numbers */
     template <class E, IS_EXPRESSION(E)> MEMBER Adjoint(const E &e) { *this = e; }
     template <class E, IS_EXPRESSION(E)> MEMBER Adjoint &operator=(const E &e) {
         Operands<typename E::Read> all;
+        static_assert(all.n <= (int)TAPE_SPARE, "a statement has more operands than the tape has space for");
         e.template note<0>(all, 1.0);
         v = e.v;
         /* Such as a limit: the number itself where it moves as that does, also for comparisons with it. */
@@ -60,10 +61,6 @@ INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.i
 INLINE int depends(const Adjoint &x) { return x.index != 0; }
 INLINE int depends(const Adjoint &x, const Adjoint &y) { return x.index != y.index; }
 INLINE void note_moves(Adjoint *, size_t) {}
-
-INLINE Adjoint operator+(const Adjoint &x, double y) { return moved(x.v + y, x); }
-INLINE Adjoint operator+(double x, const Adjoint &y) { return moved(x + y.v, y); }
-INLINE Adjoint operator-(const Adjoint &x, double y) { return moved(x.v - y, x); }
 
 /* What a number depends on is another entry in each round: batch.c takes more rounds instead. */
 INLINE int lanes_moved(const Adjoint &was, const Adjoint &now) {

@@ -4,8 +4,6 @@
 #ifndef EXPRESSIONS_H
 #define EXPRESSIONS_H
 
-#include <utility>
-
 #ifndef __clang__ /* what operands point to costs gcc more time than the rest of its work, and gains nothing */
 #pragma GCC optimize("no-tree-pta")
 #endif
@@ -100,20 +98,25 @@ template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> operator-(const X &x) {
     return OfOne<X>(-x.v, -1.0, x);
 }
 
-/* A `local` number of a function: no number, but what it follows from, with its derivatives by that. Statements that
- * read it have these operands in its place. */
+template <int... I> struct Indices {};
+template <int N, int... I> struct Counted : Counted<N - 1, N - 1, I...> {};
+template <int... I> struct Counted<0, I...> {
+    typedef Indices<I...> type;
+};
+
+/* A `local` number of a function: its value, and its operands with its derivatives by them. A statement that reads it
+ * has these operands in its place. */
 template <class N> struct Local : Operands<N> {
     typedef Operands<N> Of;
     static_assert(Of::places.named, "a local number reads one without a name");
-    template <size_t... I> static Names<Of::places.name[I]...> names_of(std::index_sequence<I...>);
-    typedef std::make_index_sequence<Of::n> Each;
+    template <int... I> static Names<Of::places.name[I]...> names_of(Indices<I...>);
+    typedef typename Counted<Of::n>::type Each;
     typedef decltype(names_of(Each())) Read;
     double v;
     template <class E> MEMBER Local(const E &e) : v(e.v) { e.template note<0>(static_cast<Of &>(*this), 1.0); }
     template <int AT, class To> MEMBER void note(To &to, double by) const { note_each<AT>(to, by, Each()); }
-    template <int AT, class To, size_t... I>
-    MEMBER void note_each(To &to, double by, std::index_sequence<I...>) const {
-        (to.template note<AT + (int)I>(by * this->slopes[I], *this->of[I]), ...);
+    template <int AT, class To, int... I> MEMBER void note_each(To &to, double by, Indices<I...>) const {
+        (to.template note<AT + I>(by * this->slopes[I], *this->of[I]), ...);
     }
 };
 template <class E> Local(const E &) -> Local<typename E::Read>;

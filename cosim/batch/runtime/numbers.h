@@ -133,6 +133,7 @@ OPERATION double fmu_side(const Number &x, const Number &y) {
     return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
 }
 
+INLINE double number_square(double x) { return x * x; }
 template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_square(const X &x) {
     return OfOne<X>(x.v * x.v, 2.0 * x.v, x);
 }
@@ -185,12 +186,18 @@ OPERATION Number number_ceil(const Number &x) {
 #define LEAVE_VECTORS() (void)0
 #endif
 
-#define OF_ONE(name, slope)                                                          \
-    template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_##name(const X &x) { \
-        LEAVE_VECTORS();                                                             \
-        const double v = x.v, r = fmu_##name(v);                                     \
-        (void)v;                                                                     \
-        return OfOne<X>(r, slope, x);                                                \
+/* An expression as the argument is a number of its own: a slope that is infinite, or 0, multiplies no slopes inside. */
+#define OF_ONE(name, derivative)                                                             \
+    OPERATION Operand number_##name(const Number &x) {                                       \
+        LEAVE_VECTORS();                                                                     \
+        const double v = x.v, r = fmu_##name(v);                                             \
+        (void)v;                                                                             \
+        if (!depends(x)) return Operand(r, 0.0, nothing);                                    \
+        return Operand(r, derivative, x);                                                    \
+    }                                                                                        \
+    template <int NAME> MEMBER OfOne<Scalar<NAME>> number_##name(const Scalar<NAME> &x) {    \
+        const Operand r = number_##name(static_cast<const Number &>(x));                     \
+        return OfOne<Scalar<NAME>>(r.v, r.slope, x);                                         \
     }
 INLINE double fmu_sqrt(double x) { return sqrt(x); }
 OF_ONE(sqrt, 0.5 / r)
