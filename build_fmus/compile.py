@@ -15,7 +15,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -145,7 +144,7 @@ class Toolchain:
         """
         environment = dict(os.environ)
         environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))
-        folder = Path(sys.executable).anchor if "ziglang" in self.version else None
+        folder = Path(__file__).anchor if "ziglang" in self.version else None
         command = [*self.command, *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=folder)
         if done.returncode != 0:
