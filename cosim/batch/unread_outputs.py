@@ -14,7 +14,7 @@ _FUNCTION = re.compile(
 )
 _STRUCT = re.compile(r"typedef struct \{([^}]*)\} Outputs;")
 _FIELD = re.compile(r"^ *(?:real|scalar) (\w+)((?:\[\d+\])*);", re.M)
-_STATEMENT = re.compile(r"^ *(?:/\*.*?\*/|[^;{}]*(?:\{0\}[^;{}]*)*[;{]|\})\n", re.M | re.S)
+_STATEMENT = re.compile(r"^ *(?:/\*.*?\*/|[^;{}]*(?:\{0\})?[;{]|\})\n", re.M | re.S)
 _WRITTEN = re.compile(r"\s*(?:const (?:scalar|local|condition) )?(y->)?(\w+)(?:\[[^]]*\])? =(?!\s*\{0\})")
 _EMPTY = re.compile(r"(\w+)\s*=\s*\{0\}")
 _NAME = re.compile(r"(?<!->)\b[A-Za-z_]\w*")
@@ -55,8 +55,8 @@ def _needed(body: str, outputs: Collection[str]) -> str:
         elif written:
             needed = written[2] in (outputs if written[1] else names)
         else:  # declarations of names without a value, pointers, comments
-            declared = _EMPTY.findall(statement)
-            needed = not names.isdisjoint(declared) if declared else not statement.endswith("*/\n")
+            declared = _EMPTY.search(statement)
+            needed = declared[1] in names if declared else not statement.endswith("*/\n")
         if needed:
             kept.append(statement)
             names.update(_NAME.findall(statement))

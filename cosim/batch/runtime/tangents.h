@@ -10,8 +10,8 @@ typedef Tangent Number;
 enum { PARTS = TANGENTS / PART };
 typedef double Part __attribute__((vector_size(8 * PART)));
 
-#define EACH_PART(expression) \
-    _Pragma("GCC unroll 32") for (int i = 0; i < PARTS; i++) expression
+#define EACH_OF(n, k, statement) \
+    _Pragma("GCC unroll 64") for (int k = 0; k < n; k++) { statement; }
 
 struct Tangent {
     typedef Names<-1> Read;
@@ -19,7 +19,7 @@ struct Tangent {
     uint64_t moves; /* 0: all derivatives are 0; then as many unused numbers as alignment takes */
     Part d[PARTS];
     Tangent() = default;
-    Tangent(double x) : v(x), moves(0) { EACH_PART(d[i] = Part{}); }
+    Tangent(double x) : v(x), moves(0) { EACH_OF(PARTS, i, d[i] = Part{}) }
     template <class E, IS_EXPRESSION(E)> MEMBER Tangent(const E &e) { *this = e; }
     template <class E, IS_EXPRESSION(E)> MEMBER Tangent &operator=(const E &e);
     template <int AT, class To> MEMBER void note(To &to, double slope) const { to.template note<AT>(slope, *this); }
@@ -47,8 +47,6 @@ INLINE Part added(const Part &sum, double slope, const Part &d) {
 }
 
 /* N parts of the derivatives of r, from the same of M operands; their sums are in registers. */
-#define EACH_OF(n, k, statement) \
-    _Pragma("GCC unroll 64") for (int k = 0; k < n; k++) { statement; }
 template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, const Tangent *const *of, int from) {
     Part sum[N];
     EACH_OF(N, i, sum[i] = Part{})
@@ -61,7 +59,7 @@ template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, 
     })
     EACH_OF(N, i, r[from + i] = sum[i])
 }
-/* The derivatives of r, which may be one of its M operands. */
+/* The derivatives of r, which may be one of its M operands. AVX2 has 16 registers. */
 enum { BLOCK = PARTS <= 14 ? PARTS : (PARTS + 1) / 2, REST = PARTS - BLOCK };
 template <int M> INLINE void add_up(Tangent *r, const double *slopes, const Tangent *const *of) {
     uint64_t moves = 0;
@@ -98,7 +96,7 @@ NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent 
     Tangent r(value);
     for (int k = 0; k < n; k++) {
         r.moves |= of[k]->moves;
-        EACH_PART(r.d[i] += scaled(slopes[k], of[k]->d[i]));
+        EACH_OF(PARTS, i, r.d[i] += scaled(slopes[k], of[k]->d[i]))
     }
     return r;
 }
