@@ -432,9 +432,9 @@ class Statements:
         return Value(lambda index: write(node.operation, [v.at(index) for v in operands]), length, reads=reads)
 
     def _keep(self, arguments: Iterable[Value]) -> None:
-        """Let numbers that are arguments of functions have derivatives.
+        """Let numbers that are arguments of functions, or stored, have derivatives.
 
-        Each call would compute them, and a comparison of a number with itself would be one of two that move apart.
+        Each call would compute them, and a comparison of a number with its copy would be one of two that move apart.
         """
         self._kept = self._kept.union(*(v.reads for v in arguments if v.plain))
 
@@ -458,6 +458,7 @@ class Statements:
         self, target: str, size: int, value: Value, writes: str = "", reads: frozenset[str] = frozenset()
     ) -> None:
         """`target` = value, element by element; with `i` in the target."""
+        self._keep([value])
         if size == 1:
             line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).real.code};"
         else:
@@ -514,6 +515,7 @@ class Statements:
         """Set elements of a work array."""
         if not len(places):
             return
+        self._keep([value])
         if isinstance(places, range):
             place = Index("i" if len(places) > 1 else "").through(places).code
         else:
@@ -578,6 +580,7 @@ class Statements:
 
     def _assign(self, target: Target, start: int, n: int) -> None:
         size, value = self.graph.nodes[n].size, self._values[n]
+        self._keep([value])
         done = 0
         while done < size:
             slot = start + done

@@ -91,7 +91,7 @@ def test_kinks_infinite_slopes_and_elements_of_arrays_keep_their_numbers() -> No
     assert "const scalar wide" in outputs  # five read it
 
 
-def test_what_functions_read_keeps_its_derivatives() -> None:
+def test_what_functions_read_or_results_copy_keeps_its_derivatives() -> None:
     """Else a number that is compared with itself would be two, each with derivatives of its own."""
     c = Component("Pi", kind="continuous", description="control with a limit", source="a test")
     r, x, i = c.input("r", "1", "wanted"), c.state("x", "1", "position"), c.state("i", "1", "integral")
@@ -99,9 +99,13 @@ def test_what_functions_read_keeps_its_derivatives() -> None:
     limited = c.value("limited", ca.fmin(ca.fmax(wanted, -5.0), 5.0))
     c.derivative(x, limited - x)
     c.derivative(i, ca.if_else(limited == wanted, r - x, 0.0))
+    copied = c.value("copied", r * x)
+    c.output("y", copied, "1", "a copy")
+    c.output("z", copied, "1", "another one")
     code = generate.generate_c(c.model(), arrays=False, token="t")
     assert "const scalar wanted =" in code
     assert "const scalar limited =" in code
+    assert "const scalar copied =" in code
 
 
 def test_what_loops_read_keeps_its_derivatives() -> None:
