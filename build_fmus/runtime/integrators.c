@@ -57,7 +57,7 @@ STEP void step_am2(const Integrator *self, double t, double h, int first, real *
     const int n = self->n;
     real *s = self->stage, *now = self->k1, *before = self->k2, *ahead = self->k3;
     self->rhs(self->system, t, x, now);
-    if (first)
+    if (first) /* in loops of their own: each state is one statement where numbers have derivatives */
         for (int i = 0; i < n; i++) s[i] = x[i] + h * now[i];
     else
         for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * now[i] - 0.5 * before[i]);

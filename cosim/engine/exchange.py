@@ -19,8 +19,8 @@ before it, and shows its outputs when its end is reached.
 
 Algebraic loops whose components are due are solved at the end of part 1, and again after part 2 where discrete
 components drive them. If discrete states of Model Exchange FMUs in a loop change with its solution, it is solved again
-with these, at most 100 times, until the values stay that its components read of each other. So it is after the first
-event iterations; components that read a loop or such an FMU have the values from before them in the first instant.
+with these, at most 100 times, until the values stay that its components read of each other. The same is done after the
+first event iterations; in the first instant, components that read a loop or such an FMU have the values from before.
 
 A component may ask to end the simulation. When its step was done the run ends at the end of that step, with an arrival
 and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced

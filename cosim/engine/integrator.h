@@ -67,7 +67,7 @@ typedef struct {
 typedef struct {
     IntegratorSetup setup;
     void *instance;
-    void *call[13];              /* INTEGRATOR_FUNCTIONS; NULL: there is none */
+    void *call[INTEGRATOR_FUNCTIONS]; /* the functions of the FMU; NULL where it lacks one */
     const uint32_t *states, *derivatives; /* value references */
     IntegratorMemory memory;
     IntegratorReport report;

@@ -273,7 +273,7 @@ def _names(elements: Iterable[Any]) -> dict[str, list[int]]:
 
 
 def _of_nominal(element: Any) -> Iterator[str]:
-    """A nominal value that is none. The schema tells of what is no number."""
+    """Tell of a nominal value that is not a positive, finite number; the schema tells of text that is no number."""
     with suppress(ValueError):
         given = float(element.get("nominal", "1"))
         if not 0 < given < math.inf:

@@ -16,14 +16,14 @@ template <int... NAMES> struct Names {
 };
 template <int... A, int... B> Names<A..., B...> joined(Names<A...>, Names<B...>);
 
-/* Where the operands of a statement go: those of one name to one place. */
-template <int N> struct Places {
+/* The slots of a statement's operands: those of one name have one slot. */
+template <int N> struct Slots {
     int n, at[N + 1], name[N + 1];
     bool first[N + 1], named;
 };
-template <int... NAMES> constexpr Places<sizeof...(NAMES)> places_of(Names<NAMES...>) {
+template <int... NAMES> constexpr Slots<sizeof...(NAMES)> slots_of(Names<NAMES...>) {
     constexpr int names[] = {NAMES..., -1};
-    Places<sizeof...(NAMES)> r = {};
+    Slots<sizeof...(NAMES)> r = {};
     r.named = true;
     for (int i = 0; i < (int)sizeof...(NAMES); i++) {
         int same = 0;
@@ -37,13 +37,13 @@ template <int... NAMES> constexpr Places<sizeof...(NAMES)> places_of(Names<NAMES
     return r;
 }
 template <class N> struct Operands {
-    static constexpr auto places = places_of(N());
-    static constexpr int n = places.n;
+    static constexpr auto slots = slots_of(N());
+    static constexpr int n = slots.n;
     double slopes[n];
     const Number *of[n];
     template <int AT> MEMBER void note(double slope, const Number &x) {
-        constexpr int k = places.at[AT];
-        slopes[k] = places.first[AT] ? slope : slopes[k] + slope;
+        constexpr int k = slots.at[AT];
+        slopes[k] = slots.first[AT] ? slope : slopes[k] + slope;
         of[k] = &x;
     }
 };
@@ -72,19 +72,19 @@ template <class X, class Y> struct OfTwo {
         y.template note<AT + X::Read::COUNT>(to, by * second);
     }
 };
-#define OF_TWO(operator_, value, by_x, by_y)                                                             \
-    template <class X, class Y, IS_EXPRESSION(X), IS_EXPRESSION(Y)>                                      \
-    MEMBER OfTwo<X, Y> operator operator_(const X &x, const Y &y) {                                      \
-        const double r = value;                                                                          \
-        return OfTwo<X, Y>(r, by_x, x, by_y, y);                                                         \
+#define OF_TWO(operator_, value, by_x, by_y)                                                        \
+    template <class X, class Y, IS_EXPRESSION(X), IS_EXPRESSION(Y)>                                 \
+    MEMBER OfTwo<X, Y> operator operator_(const X &x, const Y &y) {                                 \
+        const double r = value;                                                                     \
+        return OfTwo<X, Y>(r, by_x, x, by_y, y);                                                    \
     }
-#define WITH_NUMBER(operator_, value, by_x, value_of_number, by_y)                          \
+#define WITH_NUMBER(operator_, value, by_x, value_of_number, by_y)                                  \
     template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> operator operator_(const X &x, double y) { \
-        return OfOne<X>(value, by_x, x);                                                    \
-    }                                                                                       \
+        return OfOne<X>(value, by_x, x);                                                            \
+    }                                                                                               \
     template <class Y, IS_EXPRESSION(Y)> MEMBER OfOne<Y> operator operator_(double x, const Y &y) { \
-        const double r = value_of_number;                                                   \
-        return OfOne<Y>(r, by_y, y);                                                        \
+        const double r = value_of_number;                                                           \
+        return OfOne<Y>(r, by_y, y);                                                                \
     }
 OF_TWO(+, x.v + y.v, 1.0, 1.0)
 OF_TWO(-, x.v - y.v, 1.0, -1.0)
@@ -108,8 +108,8 @@ template <int... I> struct Counted<0, I...> {
  * has these operands in its place. */
 template <class N> struct Local : Operands<N> {
     typedef Operands<N> Of;
-    static_assert(Of::places.named, "a local number reads one without a name");
-    template <int... I> static Names<Of::places.name[I]...> names_of(Indices<I...>);
+    static_assert(Of::slots.named, "a local number reads one without a name");
+    template <int... I> static Names<Of::slots.name[I]...> names_of(Indices<I...>);
     typedef typename Counted<Of::n>::type Each;
     typedef decltype(names_of(Each())) Read;
     double v;

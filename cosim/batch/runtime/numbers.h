@@ -133,7 +133,7 @@ OPERATION double fmu_side(const Number &x, const Number &y) {
     return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
 }
 
-INLINE double number_square(double x) { return x * x; }
+INLINE double number_square(double x) { return square(x); }
 template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_square(const X &x) {
     return OfOne<X>(x.v * x.v, 2.0 * x.v, x);
 }
