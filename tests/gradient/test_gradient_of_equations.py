@@ -1,4 +1,4 @@
-"""Derivatives of quadratic programs whose rows are equations."""
+"""Derivatives of quadratic programs at the rows that hold their solutions: equations, and limits that come and go."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from build_fmus.qp import Backend, Daqp, Osqp
-from cosim import System
+from cosim import System, Table
 from cosim.gradient import Final, GradientError
 
 METRICS = {"first": Final("law.command[1]"), "price": Final("law.price[1]")}
@@ -34,10 +34,39 @@ def law(folder: Path, rows: np.ndarray, backend: Backend) -> System:
     )
     c.output("command", s.z, "1", "commands")
     c.output("price", s.multipliers, "1", "multipliers")
-    path = folder / "Sums.fmu"
+    return alone(folder, c)
+
+
+def alone(folder: Path, c: Component) -> System:
+    path = folder / f"{c.name}.fmu"
     path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), OBJECTS))
     system = System(allow_unconnected=True)
     system.add("law", path, step="10 ms")
+    return system
+
+
+def limited(folder: Path, backend: Backend) -> System:
+    """Commands within limits on sums of them, some of which hold until 0.03 s and none afterwards."""
+    rng = np.random.default_rng(1)
+    rows, root = rng.normal(size=(6, 4)), rng.normal(size=(4, 4))
+    hessian, each = root @ root.T + np.eye(4), np.ones(6)
+    c = Component("Limits", kind="discrete", description="limits", source="none", sample_time=0.01)
+    wanted, limit = c.input("wanted", "1", "wanted", shape=(4,), min=-9.0, max=9.0), c.input("limit", "1", "limit")
+    s = c.quadratic_program(
+        "solver",
+        hessians=[hessian],
+        constraints=[rows / np.linalg.norm(rows, axis=1, keepdims=True)],
+        linear=-(hessian @ wanted),
+        lower=-limit * each,
+        upper=limit * each,
+        backend=backend,
+    )
+    c.output("command", s.z, "1", "commands")
+    c.output("price", s.multipliers, "1", "multipliers")
+    system = alone(folder, c)
+    system["law"].set({f"wanted[{i}]": x for i, x in enumerate((0.3, -0.5, 0.4, 0.2), start=1)})
+    system.add("table", Table({"time": np.array([0.0, 0.03, 0.04, 1.0]), "limit": np.array([0.2, 0.2, 5.0, 5.0])}))
+    system.connect("table.limit", "law.limit")
     return system
 
 
@@ -61,3 +90,19 @@ def test_equations_that_depend_on_each_other_have_no_derivative(tmp_path: Path, 
         for mode in ("forward", "adjoint"):
             with pytest.raises(GradientError, match="is not finite"):
                 system.gradient(METRICS, INPUTS, stop_time="20 ms", mode=mode)
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda b: b.name)
+def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, backend: Backend) -> None:
+    """OSQP leaves multipliers of 1e-16 at such rows."""
+    inputs = [f"law.wanted[{i}]" for i in range(1, 5)]
+    with limited(tmp_path, backend) as system:
+        price = system.run(0.08, record=["law.price*"])
+        held = [np.abs(price[f"law.price[{i}]"]) for i in range(1, 7)]
+        assert sum(p[0] > 0.1 for p in held) == 2
+        assert all(p[-1] < 1e-12 for p in held)
+        for mode in ("forward", "adjoint"):
+            metrics = {f"{i}": Final(f"law.command[{i}]") for i in range(1, 5)}
+            found = system.gradient(metrics, inputs, stop_time=0.08, mode=mode)
+            np.testing.assert_allclose(found.jacobian, np.eye(4), atol=1e-12)
+        assert (found.trust().smooth == found.recording.time[-1]).all()

@@ -51,11 +51,34 @@ static int invert(double *a, size_t n, double *largest) {
     return 1;
 }
 
-/* Whether a row holds the solution. One whose bounds are equal may have no multiplier; a row of zeros holds nothing. */
-static int is_active(const double *row, int n, double multiplier, const lanes *lower, const lanes *upper) {
-    int any = multiplier != 0.0;
-    for (int j = 0; j < n && !any && lower->v == upper->v; j++) any = row[j] != 0.0;
-    return any;
+/* How far a row moves the gradient of the objective with a multiplier y, in its largest element. */
+static double pull(const Qp *qp, const QpCase *c, int row, double y) {
+    const double *const a = c->constraints + (size_t)row * (size_t)qp->n;
+    double most = 0.0;
+    for (int j = 0; j < qp->n; j++)
+        if (size_of(a[j]) > most) most = size_of(a[j]);
+    return size_of(y) * most;
+}
+
+/* By row, which bound holds the solution: the upper one (1), the lower one (-1), both, which are one (2), or none. A
+ * multiplier that is 0 to the solver's accuracy holds nothing: OSQP leaves rounding errors at rows that were active in
+ * an earlier sample. Nor does a row of zeros. Returns how many hold. */
+static int find_sides(const Qp *qp, const QpCase *c, const lanes *data, const lanes *solution, int *side) {
+    const int n = qp->n, m = qp->m;
+    const lanes *const q = data, *const lower = q + n, *const upper = lower + m, *const y = solution + n;
+    double largest = 0.0;
+    int active = 0;
+    for (int j = 0; j < n; j++)
+        if (size_of(q[j].v) > largest) largest = size_of(q[j].v);
+    for (int i = 0; i < m; i++)
+        if (y[i].v != 0.0 && pull(qp, c, i, y[i].v) > largest) largest = pull(qp, c, i, y[i].v);
+    for (int i = 0; i < m; i++) {
+        const int holds = y[i].v != 0.0 && pull(qp, c, i, y[i].v) > qp->tolerance * largest;
+        if (lower[i].v == upper[i].v) side[i] = pull(qp, c, i, 1.0) > 0.0 ? 2 : 0;
+        else side[i] = holds ? y[i].v > 0.0 ? 1 : -1 : 0;
+        active += side[i] != 0;
+    }
+    return active;
 }
 
 /* Row j of a term of H. */
@@ -63,19 +86,20 @@ INLINE const double *term(const Qp *qp, int k, size_t j) {
     return qp->terms + ((size_t)k * (size_t)qp->n + j) * (size_t)qp->n;
 }
 
-/* Derivatives of the solution of one program. `known`: what is kept of it. */
-static void differentiate(const Qp *qp, const lanes *data, lanes *solution, double *known) {
+/* Derivatives of the solution of one program that its `active` rows hold. `known`: what is kept of it. */
+static void differentiate(
+    const Qp *qp, const lanes *data, lanes *solution, const int *side, int active, double *known) {
     const int n = qp->n, m = qp->m;
     const lanes *const q = data, *const lower = q + n, *const upper = lower + m;
     const lanes *const weights = upper + m + 1;
     const QpCase *const c = qp_case(qp, data[n + 2 * m].v);
     double *const weighed = known + 2, *const rows = weighed + qp->n_terms, *const a = rows + m;
     const double which = (double)(c - qp->cases) + 1.0;
-    int active = 0, same = known[0] == which;
-    for (int i = 0; i < m; i++)
-        if (is_active(c->constraints + (size_t)i * (size_t)n, n, solution[n + i].v, &lower[i], &upper[i])) {
-            same &= rows[active] == (double)i;
-            rows[active++] = (double)i;
+    int same = known[0] == which && known[1] == (double)active;
+    for (int i = 0, k = 0; i < m; i++)
+        if (side[i]) {
+            same &= rows[k] == (double)i;
+            rows[k++] = (double)i;
         }
     for (int k = 0; k < qp->n_terms; k++) {
         same &= weighed[k] == weights[k].v;
@@ -83,7 +107,7 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
     }
     const size_t size = (size_t)(n + active), width = 2 * size;
     int solved = solution[n + m].v == QP_SOLVED && active <= n;
-    if (solved && !(same && known[1] == (double)active)) {
+    if (solved && !same) {
         memset(a, 0, size * width * sizeof *a);
         for (size_t j = 0; j < size; j++) a[j * width + size + j] = j < (size_t)n ? -1.0 : 1.0;
         for (size_t j = 0; j < (size_t)n; j++)
@@ -120,7 +144,7 @@ static void differentiate(const Qp *qp, const lanes *data, lanes *solution, doub
     int column[N_QP_SOLUTION], count = 0;
     for (int k = 0; k < n + active; k++) {
         const int row = k < n ? 0 : (int)rows[k - n];
-        of[count] = k < n ? &linear[k] : solution[n + row].v > 0.0 ? &upper[row] : &lower[row];
+        of[count] = k < n ? &linear[k] : side[row] < 0 ? &lower[row] : &upper[row];
         column[count] = k;
         count += depends(*of[count]);
     }
@@ -149,11 +173,10 @@ static void solve_programs(
         for (int i = 0; i < size && !moves; i++) moves = depends(data[i]);
         if (status == QP_SOLVED || status == QP_LIMIT_REACHED) {
             if (moves) {
-                for (int i = 0; i < qp->m; i++) {
-                    const double y = solution[qp->n + i].v;
-                    take_side((uint64_t)((y > 0.0) - (y < 0.0) + 1));
-                }
-                differentiate(qp, data, solution, known);
+                int side[N_QP_SOLUTION];
+                const int active = find_sides(qp, qp_case(qp, data[qp->n + 2 * qp->m].v), data, solution, side);
+                for (int i = 0; i < qp->m; i++) take_side((uint64_t)(side[i] + 1));
+                differentiate(qp, data, solution, side, active, known);
             }
             if (status == QP_SOLVED && !trial) memcpy(kept, solution, (size_t)qp->n * sizeof *kept);
         } else {
