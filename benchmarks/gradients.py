@@ -1,7 +1,11 @@
-"""Cost of the derivatives of a run, as a multiple of the run.
+"""Cost of the derivatives of a run, as a multiple of the run, and how much they deviate from differences.
 
 The full car under GPC with preview; the HMMWV with hydraulic actuators under preview MPC; and the sedan with four
 forces from a table, by the mass of its body and by the samples of the forces (docs/examples/open_loop_forces.py).
+
+Deviations are those of `Gradient.trust` at a relative step of 1e-6, from parameters by which the run is smooth: where
+runs on either side have taken the same sides of all comparisons to the end. The MPC has OSQP, which stops when its
+residual is 1e-7, or DAQP (MpcHmmwvTunable).
 
 All components have derivatives of their own; those that are followed by differences cost two more instances for each
 parameter.
@@ -25,6 +29,8 @@ from cosim.study import FmuSet, Runner
 
 ROUNDS, RUNS = 3, 20  # the first runs of a process take up to four times as long
 STOP = 8.0  # s
+STEP = 1e-6  # relative; at wider ones more runs on either side take other sides of a comparison
+RIDE = {"ride": QuadraticCost({"car.body.az": 1.0})}
 
 
 def measure() -> dict[str, float]:
@@ -33,7 +39,8 @@ def measure() -> dict[str, float]:
     names = ["car.body.mass", "car.tire.stiffness", *gains, "car.wheel.mass", "car.tire.damping"]
     names += ["car.body.pitch_inertia", "car.body.roll_inertia"]
     names += [f"controller.gain.{by}[{i},{j}]" for by in "yu" for i in range(1, 5) for j in range(1, 24)]
-    found = _costs("GPC", Runner(GPC, FmuSet()).system(GpcCase()), names, (16, 50, 200))
+    gpc = Runner(GPC, FmuSet()).system(GpcCase())
+    found = _costs("GPC", gpc, names, (16, 50, 200)) | _deviations("GPC", gpc, names[:50])
     system = Runner(HMMWV, FmuSet()).system(HmmwvCase())
     owners = [system[m] for m in ("car", "actuator_fl", "actuator_fr", "tracking_fl", "tracking_fr")]
     names = [
@@ -42,15 +49,31 @@ def measure() -> dict[str, float]:
         for v in m.description.variables.values()
         if v.causality == "parameter" and v.type == "real" and v.name != "solver.step" and m.start(v.name)
     ]
-    return found | _costs("preview MPC", system, names, (16, 50)) | _series()
+    found |= _costs("preview MPC", system, names, (16, 50))
+    for solver, tunable in (("OSQP", False), ("DAQP", True)):
+        system = Runner(HMMWV, FmuSet()).system(HmmwvCase(tunable=tunable))
+        found |= _deviations(f"preview MPC, {solver}", system, names[:50])
+    return found | _series()
+
+
+def _deviations(what: str, system: System, names: list[str]) -> dict[str, float]:
+    """How many parameters the run is smooth by, for how long in the mean, and the largest deviation of these."""
+    system.allow_unconnected = True
+    trust = system.gradient(RIDE, names, stop_time=STOP, interval="10 ms", mode="forward").trust(STEP)
+    smooth = trust.smooth == trust.stop
+    return {
+        f"{what}, smooth parameters / {len(names)}": float(smooth.mean()),
+        f"{what}, smooth time / run": float(trust.smooth.mean()) / trust.stop,
+        f"{what}, largest deviation of smooth parameters": float(np.abs(trust.deviation[0, smooth]).max()),
+    }
 
 
 def _costs(what: str, system: System, names: list[str], counts: tuple[int, ...]) -> dict[str, float]:
     system.allow_unconnected = True
-    metric, kept = {"ride": QuadraticCost({"car.body.az": 1.0})}, Record(["car.body.az"], "10 ms")
+    kept = Record(["car.body.az"], "10 ms")
 
     def gradient(count: int, stop: float, mode: str) -> None:
-        system.gradient(metric, names[:count], stop_time=stop, interval="10 ms", threads=1, mode=mode)
+        system.gradient(RIDE, names[:count], stop_time=stop, interval="10 ms", threads=1, mode=mode)
 
     run = min(spent(lambda: system.run(STOP, record=kept)) for _ in range(RUNS))
     found: dict[str, float] = {}

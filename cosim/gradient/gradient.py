@@ -95,8 +95,9 @@ class Gradient:
         by_difference: components whose derivatives are differences of two neighboring instances, and why.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
-        ties: by component in which equal numbers were compared that move apart, the time [s] of the first step with
-            such a tie. The derivative is that of one side, and may differ from that of the other. None of the adjoint.
+        ties: by component in which a change of a parameter by 1e-8 of its value gives a comparison another outcome, the
+            time [s] of the first step with such a tie. The derivative is that of one side, and may differ from that of
+            the other. None of the adjoint.
         mode: "forward" or "adjoint".
     """
 
@@ -152,7 +153,8 @@ class Gradient:
             if n
         ]
         lines += [
-            f"{name}: equal numbers compared at t = {t:.9g} s, so the derivative may be that of one side only"
+            f"{name}: at t = {t:.9g} s a comparison changes its outcome with a parameter by 1e-8 of its value, so the"
+            " derivative may be that of one side only"
             for name, t in self.ties.items()
         ]
         return "\n".join(lines)
@@ -212,6 +214,17 @@ class GradientRun:
         parts = zip(self.by, self.samples, self._parts, strict=True)
         return {name: values[part] if n else float(values[part][0]) for name, n, part in parts}
 
+    def _sizes(self) -> Array:
+        """The power of 2 from each parameter's magnitude on, or its series' largest, 1 for 0 (parameters,).
+
+        Seeds of this size make a distance along a direction relative to the parameter, without rounding.
+        """
+        largest = np.concatenate(
+            [np.full(n or 1, np.abs(self.at[part]).max()) for n, part in zip(self.samples, self._parts, strict=True)]
+        )
+        part, power = np.frexp(largest)
+        return np.where(largest > 0.0, np.ldexp(1.0, power - (part == 0.5)), 1.0)
+
     def gradient(self) -> Gradient:
         """In the mode that was given, else the one that costs less."""
         with self.system.lock:
@@ -264,14 +277,14 @@ class GradientRun:
         n = len(self.elements)
         each = DIRECTIONS if n <= 2 * DIRECTIONS else MANY_DIRECTIONS
         copies = -(-n // each)
-        seeds = np.zeros((n, copies, each))
-        seeds[range(n), np.arange(n) // each, np.arange(n) % each] = 1.0
+        seeds, sizes = np.zeros((n, copies, each)), self._sizes()
+        seeds[range(n), np.arange(n) // each, np.arange(n) % each] = sizes
         own = {
             name: seeds[part] if samples else seeds[part.start]
             for name, samples, part in zip(self.by, self.samples, self._parts, strict=True)
         }
         recording, batch = self._advance(own, {}, copies)
-        tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n]
+        tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n] / sizes
         self._check(recording, tangents)
         one = recording.one(0)
         values, slopes = self._measure(one)

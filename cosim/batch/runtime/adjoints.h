@@ -60,6 +60,7 @@ NOINLINE Adjoint chain(double value, int n, const double *slopes, const Adjoint 
 INLINE Adjoint moved(double value, const Adjoint &x) { return Adjoint(value, x.index); }
 INLINE int depends(const Adjoint &x) { return x.index != 0; }
 INLINE int depends(const Adjoint &x, const Adjoint &y) { return x.index != y.index; }
+INLINE int meet(const Adjoint &, const Adjoint &, double) { return 0; } /* not known before the way back */
 INLINE void note_moves(Adjoint *, size_t) {}
 
 /* What a number depends on is another entry in each round: batch.c takes more rounds instead. */

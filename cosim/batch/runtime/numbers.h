@@ -6,6 +6,7 @@
  *     moved(value, x)  a number that moves as x does;
  *     chain(value, n, slopes, of)  one that depends on n others;
  *     depends(x), depends(x, y)   whether x depends on a direction; whether x and y move apart;
+ *     meet(x, y, within)          whether a short way along a direction makes these equal;
  *     note_moves(x, n)            where derivatives were written from elsewhere;
  *     lanes_moved, lanes_changed  whether a number is not the same, beyond rounding and at all.
  *
@@ -64,10 +65,12 @@ typedef int condition;
 
 /* ------------------------------------------------------------------ sides */
 
-/* The sides taken in this step by what depends on a direction, and whether there was a tie: equal numbers that move
- * apart, so that the derivative is that of one side. Of the component that this library is of. */
+/* The sides taken in this step by what depends on a direction, and whether there was a tie: a move of TIE along a
+ * direction changes a side, so that the derivative is that of one side only. Directions are as long as the parameters
+ * are large (gradient.py). Of the component that this library is of. */
 static __thread uint64_t sides;
 static __thread int tied;
+#define TIE 1e-8
 
 NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
 
@@ -90,22 +93,23 @@ INLINE void note_sides(Sides *of, double t) {
     of->all = sides;
 }
 
-INLINE int noted(int moving, int side, int tie = 0) {
-    if (moving) {
-        take_side((uint64_t)(int64_t)side);
-        tied |= tie;
-    }
+INLINE int noted(int moving, int side) {
+    if (moving) take_side((uint64_t)(int64_t)side);
     return side;
+}
+/* The side of a comparison of x and y. */
+INLINE int compared(const Number &x, const Number &y, int side) {
+    if (!depends(x, y)) return side;
+    if (!tied) tied = meet(x, y, TIE);
+    return noted(1, side);
 }
 
 /* ------------------------------------------------------------------ comparisons */
 
-#define COMPARED(is)                                                                                     \
-    OPERATION int operator is(const Number &x, const Number &y) {                                        \
-        return noted(depends(x, y), x.v is y.v, x.v == y.v);                                             \
-    }                                                                                                    \
-    OPERATION int operator is(const Number &x, double y) { return noted(depends(x), x.v is y, x.v == y); } \
-    OPERATION int operator is(double x, const Number &y) { return noted(depends(y), x is y.v, x == y.v); }
+#define COMPARED(is)                                                                                             \
+    OPERATION int operator is(const Number &x, const Number &y) { return compared(x, y, x.v is y.v); }           \
+    OPERATION int operator is(const Number &x, double y) { return depends(x) ? x is Number(y) : x.v is y; }      \
+    OPERATION int operator is(double x, const Number &y) { return depends(y) ? Number(x) is y : x is y.v; }
 COMPARED(<)
 COMPARED(<=)
 COMPARED(>)
@@ -130,7 +134,7 @@ INLINE double lanes_size(const lanes &x) { return fabs(x.v); }
 /* ------------------------------------------------------------------ what equations are written with */
 
 OPERATION double fmu_side(const Number &x, const Number &y) {
-    return noted(depends(x, y), (x.v > y.v) - (x.v < y.v), x.v == y.v);
+    return compared(x, y, (x.v > y.v) - (x.v < y.v));
 }
 
 INLINE double number_square(double x) { return square(x); }
@@ -138,7 +142,7 @@ template <class X, IS_EXPRESSION(X)> MEMBER OfOne<X> number_square(const X &x) {
     return OfOne<X>(x.v * x.v, 2.0 * x.v, x);
 }
 OPERATION Number number_sign(const Number &x) {
-    noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
+    fmu_side(x, nothing);
     return Number(sign(x.v));
 }
 INLINE Operand number_if_else(int holds, const Number &a, const Number &b) {
@@ -150,8 +154,7 @@ INLINE Operand number_when(int holds, const Number &a) {
     return Operand(x.v, 1.0, x);
 }
 OPERATION Operand number_fabs(const Number &x) {
-    const int side = noted(depends(x), (x.v > 0.0) - (x.v < 0.0), x.v == 0.0);
-    return Operand(fabs(x.v), side, x);
+    return Operand(fabs(x.v), fmu_side(x, nothing), x);
 }
 OPERATION Operand number_copysign(const Number &x, const Number &y) {
     const double r = copysign(x.v, y.v);
@@ -170,12 +173,12 @@ NOINLINE Operand number_fmin(const Number &x, const Number &y) {
 }
 OPERATION Number number_floor(const Number &x) {
     const double r = fmu_floor(x.v);
-    noted(depends(x), index_of(r));
+    compared(x, Number(fmu_floor(x.v + 0.5)), index_of(r));
     return Number(r);
 }
 OPERATION Number number_ceil(const Number &x) {
     const double r = fmu_ceil(x.v);
-    noted(depends(x), index_of(r));
+    compared(x, Number(fmu_floor(x.v + 0.5)), index_of(r));
     return Number(r);
 }
 

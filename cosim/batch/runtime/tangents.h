@@ -122,6 +122,15 @@ INLINE int depends(const Tangent &x, const Tangent &y) {
         if (any_of(x.d[i] != y.d[i])) return 1;
     return 0;
 }
+/* Whether they, which move apart, are equal after a move along a direction by this much at most. */
+INLINE int meet(const Tangent &x, const Tangent &y, double within) {
+    const double gap = fabs(x.v - y.v);
+    for (int i = 0; i < PARTS; i++) {
+        const Part way = within * (x.d[i] - y.d[i]);
+        if (any_of((way >= gap) | (-way >= gap))) return 1;
+    }
+    return 0;
+}
 /* Where derivatives were written from elsewhere. */
 INLINE void note_moves(Tangent *x, size_t n) {
     for (size_t i = 0; i < n; i++) {
