@@ -157,6 +157,8 @@ class Gradient:
             " derivative may be that of one side only"
             for name, t in self.ties.items()
         ]
+        if self.mode == "adjoint":
+            lines.append("the adjoint does not look for ties; mode='forward' does")
         return "\n".join(lines)
 
 
