@@ -586,6 +586,11 @@ class Batch(Copies):
         """Components whose derivatives are differences of neighboring instances, and why."""
         return {m.name: self._fixed_reasons[m] for m in self.system.components.values() if m in self._probed}
 
+    @property
+    def of_exact_solutions(self) -> list[str]:
+        """Components whose quadratic programs OSQP solves to a tolerance, with derivatives of the exact solutions."""
+        return [m.name for m, own in self._sources.items() if m in self._moving and "qp_osqp.c" in own.solvers]
+
     def end(self, until: TimeLike) -> tuple[float, int]:
         """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""
         base = self._schedule.time_base(self._start_time)

@@ -93,6 +93,8 @@ class Gradient:
         tangents: derivatives of the samples by the parameters (samples, variables, parameters), in the order of
             `recording.names`; the adjoint has none, so that it is empty then.
         by_difference: components whose derivatives are differences of two neighboring instances, and why.
+        of_exact_solutions: components whose quadratic programs OSQP solves to a tolerance. The derivatives are those of
+            the exact solutions.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
         ties: by component in which a change of a parameter by 1e-8 of its value gives a comparison another outcome, the
@@ -109,6 +111,7 @@ class Gradient:
     recording: Recording
     tangents: Array
     by_difference: Mapping[str, str]
+    of_exact_solutions: Sequence[str]
     changes: Mapping[str, int]
     ties: Mapping[str, float]
     mode: str
@@ -146,6 +149,10 @@ class Gradient:
         lines += [
             f"{name}: derivatives from differences of two neighboring instances ({why})"
             for name, why in self.by_difference.items()
+        ]
+        lines += [
+            f"{name}: derivatives of the exact solutions of its quadratic programs, which OSQP solves to a tolerance"
+            for name in self.of_exact_solutions
         ]
         lines += [
             f"{name}: in {n} steps other sides of comparisons than in the step before"
@@ -268,6 +275,7 @@ class GradientRun:
             recording,
             nothing,
             {},
+            run.of_exact_solutions,
             changes,
             {},
             "adjoint",
@@ -300,6 +308,7 @@ class GradientRun:
             one,
             tangents,
             batch.by_difference,
+            batch.of_exact_solutions,
             batch.side_changes,
             batch.ties,
             "forward",

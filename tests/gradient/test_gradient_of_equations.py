@@ -105,4 +105,6 @@ def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, ba
             metrics = {f"{i}": Final(f"law.command[{i}]") for i in range(1, 5)}
             found = system.gradient(metrics, inputs, stop_time=0.08, mode=mode)
             np.testing.assert_allclose(found.jacobian, np.eye(4), atol=1e-12)
+            assert found.of_exact_solutions == ["law"] * (backend.name == "osqp")
+            assert str(found).count("law: derivatives of the exact solutions") == (backend.name == "osqp")
         assert (found.trust().smooth == found.recording.time[-1]).all()
