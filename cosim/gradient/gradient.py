@@ -97,8 +97,9 @@ class Gradient:
             the exact solutions.
         changes: by component, in how many steps a comparison that depends on the parameters had another outcome than in
             the step before: contacts, limits, pieces of tables. The derivative is that of the sides taken.
-        ties: by component in which a change of a parameter by 1e-8 of its value gives a comparison another outcome, the
-            time [s] of the first step with such a tie. The derivative is that of one side, and may differ from that of
+        ties: by component in which a change of a parameter by 1e-8 of its value, rounded up to a power of 2, gives a
+            comparison another outcome, the time [s] of the first step with such a tie. A parameter that is 0 changes by
+            1e-8, a sample by 1e-8 of the largest one. The derivative is that of one side, and may differ from that of
             the other. None of the adjoint.
         mode: "forward" or "adjoint".
     """
@@ -232,7 +233,7 @@ class GradientRun:
             [np.full(n or 1, np.abs(self.at[part]).max()) for n, part in zip(self.samples, self._parts, strict=True)]
         )
         part, power = np.frexp(largest)
-        return np.where(largest > 0.0, np.ldexp(1.0, power - (part == 0.5)), 1.0)
+        return np.where(largest > 0.0, np.ldexp(1.0, np.clip(power - (part == 0.5), -300, 300)), 1.0)
 
     def gradient(self) -> Gradient:
         """In the mode that was given, else the one that costs less."""

@@ -108,3 +108,58 @@ def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, ba
             assert found.of_exact_solutions == ["law"] * (backend.name == "osqp")
             assert str(found).count("law: derivatives of the exact solutions") == (backend.name == "osqp")
         assert (found.trust().smooth == found.recording.time[-1]).all()
+
+
+NONE = 1e31  # no bound
+HELD = {  # Hessian, rows; of given numbers p: linear term, lower and upper bounds; these numbers, derivatives of z[0]
+    "another unit": (
+        [1.0, 1.0],
+        [[1.0, 0.0]],
+        lambda p: (ca.vertcat(-p[1], -p[0]), -NONE, p[2]),
+        ([1e6, 1.001, 1.0], [0.0, 0.0, 1.0]),
+    ),
+    "newton beside meter": (
+        [1e-6, 1e6],
+        np.eye(2),
+        lambda p: (ca.vertcat(-1e-6 * p[0], -1e6 * p[1]), ca.vertcat(-p[2], -1.0), ca.vertcat(p[2], 1.0)),
+        ([1100.0, 0.02, 1000.0], [0.0, 0.0, 1.0]),
+    ),
+    "beside an equation": (
+        [1.0, 1.0, 1.0],
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]],
+        lambda p: (ca.vertcat(-p[0], 0.0, 0.0), ca.vertcat(-NONE, p[1]), ca.vertcat(p[2], p[1])),
+        ([1.01, 1e7, 1.0], [0.0, 0.0, 1.0]),
+    ),
+    "the lower of two that are one": (
+        [1.0, 1.0],
+        [[1.0, 1.0]],
+        lambda p: (ca.vertcat(-p[0], -p[0]), p[1], p[2]),
+        ([0.5, 2.0, 2.0], [0.0, 0.5, 0.0]),
+    ),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=lambda b: b.name)
+@pytest.mark.parametrize("held", HELD)
+def test_a_limit_holds_whatever_the_units(tmp_path: Path, held: str, backend: Backend) -> None:
+    diagonal, rows, program, (given, expected) = HELD[held]
+    c = Component("Held", kind="discrete", description="a limit", source="none", sample_time=0.01)
+    linear, lower, upper = program(c.input("given", "1", "given", shape=(3,), min=-1e9, max=1e9))
+    s = c.quadratic_program(
+        "solver",
+        hessians=[np.diag(diagonal)],
+        constraints=[np.array(rows)],
+        linear=linear,
+        lower=lower,
+        upper=upper,
+        backend=backend,
+    )
+    c.output("command", s.z, "1", "commands")
+    names = [f"given[{i}]" for i in (1, 2, 3)]
+    with alone(tmp_path, c) as system:
+        system["law"].set(dict(zip(names, given, strict=True)))
+        for mode in ("forward", "adjoint"):
+            found = system.gradient(
+                {"z": Final("law.command[1]")}, [f"law.{n}" for n in names], stop_time=0.02, mode=mode
+            )
+            np.testing.assert_allclose(found.jacobian, [expected], atol=1e-9)

@@ -51,39 +51,41 @@ static int invert(double *a, size_t n, double *largest) {
     return 1;
 }
 
-/* How far a row moves the gradient of the objective with a multiplier y, in its largest element. */
-static double pull(const Qp *qp, const QpCase *c, int row, double y) {
-    const double *const a = c->constraints + (size_t)row * (size_t)qp->n;
-    double most = 0.0;
-    for (int j = 0; j < qp->n; j++)
-        if (size_of(a[j]) > most) most = size_of(a[j]);
-    return size_of(y) * most;
-}
-
-/* By row, which bound holds the solution: the upper one (1), the lower one (-1), both, which are one (2), or none. A
- * multiplier that is 0 to the solver's accuracy holds nothing: OSQP leaves rounding errors at rows that were active in
- * an earlier sample. Nor does a row of zeros. Returns how many hold. */
-static int find_sides(const Qp *qp, const QpCase *c, const lanes *data, const lanes *solution, int *side) {
-    const int n = qp->n, m = qp->m;
-    const lanes *const q = data, *const lower = q + n, *const upper = lower + m, *const y = solution + n;
-    double largest = 0.0;
-    int active = 0;
-    for (int j = 0; j < n; j++)
-        if (size_of(q[j].v) > largest) largest = size_of(q[j].v);
-    for (int i = 0; i < m; i++)
-        if (y[i].v != 0.0 && pull(qp, c, i, y[i].v) > largest) largest = pull(qp, c, i, y[i].v);
-    for (int i = 0; i < m; i++) {
-        const int holds = y[i].v != 0.0 && pull(qp, c, i, y[i].v) > qp->tolerance * largest;
-        if (lower[i].v == upper[i].v) side[i] = pull(qp, c, i, 1.0) > 0.0 ? 2 : 0;
-        else side[i] = holds ? y[i].v > 0.0 ? 1 : -1 : 0;
-        active += side[i] != 0;
-    }
-    return active;
-}
-
 /* Row j of a term of H. */
 INLINE const double *term(const Qp *qp, int k, size_t j) {
     return qp->terms + ((size_t)k * (size_t)qp->n + j) * (size_t)qp->n;
+}
+
+/* Element j of the diagonal of H. */
+static double curvature(const Qp *qp, const QpCase *c, const lanes *weights, size_t j) {
+    double h = c->hessian[j * (size_t)qp->n + j];
+    for (int k = 0; k < qp->n_terms; k++) h += weights[k].v * term(qp, k, j)[j];
+    return h;
+}
+
+/* By row, which bound holds the solution: the upper one (1), the lower one (-1), both, which are one (2), or none. A
+ * multiplier y pulls Az to the bound by about y a inv(H) a'. It holds nothing where that is less than Az is away from
+ * there, or rounding in units that make the diagonal of H and the length of the row 1: OSQP leaves as much at rows that
+ * were active in an earlier sample. Nor does a row of zeros. Returns how many rows hold. */
+static int find_sides(const Qp *qp, const QpCase *c, const lanes *data, const lanes *solution, int *side) {
+    const int n = qp->n, m = qp->m;
+    const lanes *const lower = data + n, *const upper = lower + m, *const weights = upper + m + 1;
+    int active = 0;
+    for (int i = 0; i < m; i++) {
+        const double *const a = c->constraints + (size_t)i * (size_t)n, y = solution[n + i].v;
+        const int equal = lower[i].v == upper[i].v;
+        double az = 0.0, pull = 0.0;
+        side[i] = 0;
+        for (int j = 0; j < n && (equal || y != 0.0); j++) {
+            az += a[j] * solution[j].v;
+            if (a[j] != 0.0) pull += a[j] * a[j] / curvature(qp, c, weights, (size_t)j);
+        }
+        const double away = size_of((y > 0.0 ? upper : lower)[i].v - az);
+        if (equal) side[i] = pull > 0.0 ? 2 : 0;
+        else if (away < size_of(y) * pull && size_of(y) * __builtin_sqrt(pull) > 1e-12) side[i] = y > 0.0 ? 1 : -1;
+        active += side[i] != 0;
+    }
+    return active;
 }
 
 /* Derivatives of the solution of one program that its `active` rows hold. `known`: what is kept of it. */
@@ -144,7 +146,7 @@ static void differentiate(
     int column[N_QP_SOLUTION], count = 0;
     for (int k = 0; k < n + active; k++) {
         const int row = k < n ? 0 : (int)rows[k - n];
-        of[count] = k < n ? &linear[k] : side[row] < 0 ? &lower[row] : &upper[row];
+        of[count] = k < n ? &linear[k] : solution[n + row].v > 0.0 ? &upper[row] : &lower[row];
         column[count] = k;
         count += depends(*of[count]);
     }

@@ -122,13 +122,17 @@ INLINE int depends(const Tangent &x, const Tangent &y) {
         if (any_of(x.d[i] != y.d[i])) return 1;
     return 0;
 }
-/* Whether they, which move apart, are equal after a move along a direction by this much at most. */
+/* Whether they are equal after a move along a direction by this much at most, and move apart beyond rounding. */
 INLINE int meet(const Tangent &x, const Tangent &y, double within) {
-    const double gap = fabs(x.v - y.v);
-    for (int i = 0; i < PARTS; i++) {
-        const Part way = within * (x.d[i] - y.d[i]);
-        if (any_of((way >= gap) | (-way >= gap))) return 1;
-    }
+    const double gap = fabs(x.v - y.v), *const a = (const double *)x.d, *const b = (const double *)y.d;
+    Part fastest = {};
+    EACH_OF(PARTS, i, {
+        const Part apart = x.d[i] - y.d[i];
+        const Part size = apart < 0.0 ? -apart : apart;
+        fastest = size > fastest ? size : fastest;
+    })
+    for (int i = 0; any_of(within * fastest >= gap) && i < TANGENTS; i++)
+        if (within * fabs(a[i] - b[i]) >= gap && fabs(a[i] - b[i]) > 1e-12 * (fabs(a[i]) + fabs(b[i]))) return 1;
     return 0;
 }
 /* Where derivatives were written from elsewhere. */
