@@ -102,11 +102,9 @@ class Toolchain:
 
     def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
         """One file of C, or of C++ that needs no library, to one object file."""
-        pic = () if self.platform.is_windows else ("-fPIC",)
-        flags = _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
-        self._run(
-            [*flags, *pic, *(f"-I{i.absolute()}" for i in include), "-c", source.absolute(), "-o", output.absolute()]
-        )
+        pic = ["-fPIC"] if self.platform.suffix in (".so", ".dylib") else []
+        folders = [f"-I{i.absolute()}" for i in include]
+        self._run([*_flags(source), *pic, *folders, "-c", source.absolute(), "-o", output.absolute()])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
         """Link objects to a shared library without undefined symbols; loaders know it by the name of `output`.
@@ -149,6 +147,10 @@ class Toolchain:
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=folder)
         if done.returncode != 0:
             raise CompileError(f"{' '.join(command)}\n{done.stderr.strip()}")
+
+
+def _flags(source: Path) -> tuple[str, ...]:
+    return _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
 
 
 def find_toolchain(platform_name: str) -> Toolchain:
@@ -229,9 +231,9 @@ class ObjectCache:
         self.directory = directory
 
     @classmethod
-    def of_user(cls, name: str) -> ObjectCache:
-        """The one of this name among the user's."""
-        return cls(safe_files.cache_directory() / name)
+    def of_user(cls) -> ObjectCache:
+        """The user's: of everything but FMUs."""
+        return cls(safe_files.cache_directory() / "objects")
 
     def library(
         self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str, *, loads: bool = False
@@ -262,12 +264,12 @@ class ObjectCache:
         """The object file of one C file, compiled once per content and toolchain."""
         headers = included_headers(source, include)
         contents = [source.read_bytes(), *(h.name.encode() + b"\0" + h.read_bytes() for h in headers)]
-        key = self._key(toolchain, *contents)
+        key = self._key(toolchain, *contents, flags=_flags(source))
         return self._kept(key, ".o", lambda out: toolchain.compile(source, out, include))
 
     @staticmethod
-    def _key(toolchain: Toolchain, *parts: bytes) -> str:
-        identity = f"{toolchain.platform.name}|{toolchain.version}|{CFLAGS}".encode()
+    def _key(toolchain: Toolchain, *parts: bytes, flags: tuple[str, ...] = CFLAGS) -> str:
+        identity = f"{toolchain.platform.name}|{toolchain.version}|{flags}".encode()
         return hashlib.sha256(b"\0".join((identity, *parts))).hexdigest()[:32]
 
     def _kept(self, key: str, suffix: str, build: Callable[[Path], None]) -> Path:

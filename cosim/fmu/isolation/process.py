@@ -105,7 +105,7 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     ffi = cffi.FFI()
     ffi.cdef(declarations(_FOLDER / "link.h") + _EXPORTED)
     try:
-        toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
+        toolchain, cache = find_toolchain(host()), ObjectCache.of_user()
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER, INTERMEDIATE.parent], "client")
         sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c"]
         sources += [header.with_suffix(".c") for header in (INTEGRATOR, INTERMEDIATE)]
