@@ -32,7 +32,7 @@ from cosim.report.claims import Claim, Verdict
 from cosim.report.maps import Map, map_plot
 from cosim.report.model import Figure, Report, Table
 from cosim.report.plots import Palette, dark_colors, placed_columns, plotly_figure, series_columns
-from cosim.scenes.scene import SCENE_SCRIPT, SCENE_STYLE
+from cosim.scenes.scene import scene_script, scene_style
 
 with extras.needed("reports", extras.WRITING):
     import jinja2
@@ -138,8 +138,8 @@ def render(report: Report) -> str:
     style = _asset("report.css")
     motions = {a.id: Packed.json(animation_data(a)) for a in report.animations}
     if motions:
-        scripts.append(_script(f"{SCENE_SCRIPT.read_text(encoding='utf-8')}\n{_asset('animation.js')}"))
-        style += SCENE_STYLE.read_text(encoding="utf-8") + _asset("animation.css")
+        scripts.append(_script(f"{scene_script()}\n{_asset('animation.js')}"))
+        style += scene_style() + _asset("animation.css")
     if plots or motions:
         inflate = _asset("tiny-inflate.js", "third_party")  # made for Node.js: a module
         inflate = f"const inflate = ((module) => {{\n{inflate}\nreturn module.exports; }})({{}});"
