@@ -64,7 +64,6 @@ def road_from_table(
     description: str,
     source: str,
     notes: Iterable[str] = (),
-    reference_start: float | None = None,
 ) -> Component:
     """A road whose heights are the table's."""
     last = len(table.left) - 1
@@ -77,5 +76,5 @@ def road_from_table(
         source=source,
         symbols=ca.MX,
         notes=notes,
-        reference_start=table.start + last * table.step / 2 if reference_start is None else reference_start,
+        reference_start=table.start + last * table.step / 2,
     )

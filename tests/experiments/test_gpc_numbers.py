@@ -933,13 +933,13 @@ def test_only_runs_at_the_published_weight_or_above_count_as_diverged() -> None:
 
 def test_curves_go_from_the_lowest_speed() -> None:
     results: Any = SimpleNamespace(seeds=(0, 1), figures=lambda row: row)
-    found = _curve(results, "J", "explicit", [50.0, 10.0], lambda v, seed: {"J": v + seed}, 2.0)
+    found = _curve(results, "J", "explicit", [50.0, 10.0], lambda v, seed: {"J": v + seed})
     assert found is not None
     assert found.x_values.tolist() == [10.0, 50.0]
     assert {name: values.tolist() for name, values in found.columns()} == {
-        "y": [21.0, 101.0],
-        "low": [20.0, 100.0],
-        "high": [22.0, 102.0],
+        "y": [10.5, 50.5],
+        "low": [10.0, 50.0],
+        "high": [11.0, 51.0],
     }
 
 
