@@ -168,13 +168,9 @@ def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[SystemCompo
         ),
     )
     fed = {b.target for b in all_bundles if b.source in continuous and b.target.discrete}
-    leads_back = {b.source for b in all_bundles if b.target in continuous}
-    last = [m for m in schedule.discrete if m in fed and m not in leads_back and not _feeds(m, all_bundles)]
+    sources = {b.source for b in all_bundles}
+    last = [m for m in schedule.discrete if m in fed and m not in sources]
     return [*(m for m in schedule.discrete if m not in last), *continuous, *last]
-
-
-def _feeds(m: SystemComponent, all_bundles: Sequence[Bundle]) -> bool:
-    return any(b.source is m for b in all_bundles)
 
 
 def _middle(m: SystemComponent, place: dict[SystemComponent, float], all_bundles: Sequence[Bundle]) -> float:
