@@ -6,7 +6,7 @@ cross.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -205,12 +205,11 @@ def _lines(
     column_of: dict[SystemComponent, int],
     leaving: dict[SystemComponent, list[Bundle]],
     coming: dict[SystemComponent, list[Bundle]],
-    way: object,
+    way: Callable[[Bundle], str],
     top: float,
     bottom: float,
 ) -> list[Line]:
     """The way of each bundle: out at the right of its source, in at the left of its target."""
-    assert callable(way)
     out_at: dict[Bundle, float] = {}
     in_at: dict[Bundle, float] = {}
     for m, box in boxes.items():
