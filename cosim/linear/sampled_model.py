@@ -195,9 +195,8 @@ def sampled_model(
             raise CosimError(f"{c} is extrapolated: the sampled model knows values that are held; connect without it")
     length = int(period / schedule.tick)
     latest = max([not_before, *(m.offset for m in schedule.components)])
-    begin = (
-        max(1, -(-latest // period)) * length
-    )  # a first sample is special: calculated start states follow its inputs
+    # a first sample is special: calculated start states follow its inputs
+    begin = max(1, -(-latest // period)) * length
     exchange.run_instants_to(begin)
     real = [c for c in schedule.connections if c.output.type == c.input.type == "real"]
     ports = {

@@ -39,12 +39,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
-SAMPLED = (
-    "random",
-    "lhs",
-    "sobol",
-    "halton",
-)  # methods whose points are random samples, independent or spread more evenly
+# methods whose points are random samples, independent or spread more evenly
+SAMPLED = ("random", "lhs", "sobol", "halton")
 WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
