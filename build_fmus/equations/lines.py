@@ -128,11 +128,7 @@ class Layout:
             before = [self.lines[k] for k in sorted(item.lines()) if outside.get(k) == depth]
             text += _wrapped([f"{line.kind} {line.writes} = {{0}};" for line in before], depth)
             inner = self._block(item.items, outside, depth + 1)
-            text += [
-                *_wrapped([f"if (any({self.condition(item.branch)})) {{"], depth),
-                *inner,
-                *_wrapped(["}"], depth),
-            ]
+            text += [*_wrapped([f"if (any({self.condition(item.branch)})) {{"], depth), *inner, *_wrapped(["}"], depth)]
         return text
 
     def _place(self, free: list[tuple[int, int]], size: int) -> int:

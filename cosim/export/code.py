@@ -322,13 +322,7 @@ class SystemCode:
                 " a system does not pass on to parameters: set the parameter instead, and take this connection out"
             )
         ends = [
-            [
-                self.schedule.components.index(m),
-                _kind(self.parts[m].version, v.fmi_type),
-                v.reference,
-                v.size,
-                v.index,
-            ]
+            [self.schedule.components.index(m), _kind(self.parts[m].version, v.fmi_type), v.reference, v.size, v.index]
             for m, v in ((c.source, c.output), (c.target, c.input))
         ]
         low, high = c.input.limits

@@ -382,10 +382,7 @@ def _opened(path: Path) -> Any:
 
 
 def check_search(
-    space: Mapping[str, Limits],
-    objectives: Mapping[str, str],
-    evaluate: Any,
-    first: Sequence[Values],
+    space: Mapping[str, Limits], objectives: Mapping[str, str], evaluate: Any, first: Sequence[Values]
 ) -> None:
     """Refuse a search that cannot be made.
 

@@ -343,11 +343,7 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlo
 
 
 def _with_local(
-    columns: list[str],
-    rows: list[list[Scalar]],
-    table: SweepTable,
-    drawn: Mapping[str, Metric],
-    local: LocalSlopes,
+    columns: list[str], rows: list[list[Scalar]], table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes
 ) -> list[Table]:
     """The sensitivities with columns of local derivatives, and correlations of metrics."""
     row, slopes = local.slopes.row, local.slopes.slopes

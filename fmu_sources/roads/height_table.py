@@ -57,13 +57,7 @@ def node_heights(c: Component, table: HeightTable) -> Callable[[Any, str], Any]:
 
 
 def road_from_table(
-    table: HeightTable,
-    layout: RoadLayout,
-    name: str,
-    *,
-    description: str,
-    source: str,
-    notes: Iterable[str] = (),
+    table: HeightTable, layout: RoadLayout, name: str, *, description: str, source: str, notes: Iterable[str] = ()
 ) -> Component:
     """A road whose heights are the table's."""
     last = len(table.left) - 1

@@ -12,15 +12,7 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.registration import component
-from fmu_sources.roads.iso8608 import (
-    CLASS_A,
-    DECAY,
-    HIGHEST,
-    LOWEST,
-    REFERENCE_WAVE_NUMBER,
-    STEP,
-    declare_class,
-)
+from fmu_sources.roads.iso8608 import CLASS_A, DECAY, HIGHEST, LOWEST, REFERENCE_WAVE_NUMBER, STEP, declare_class
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
 

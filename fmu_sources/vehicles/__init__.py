@@ -23,14 +23,7 @@ from fmu_sources.vehicles.loader import (
     vehicle_names,
 )
 from fmu_sources.vehicles.quantities import Numbers, Quantity, Vehicle
-from fmu_sources.vehicles.schema import (
-    FullCar,
-    QuarterCar,
-    RideCar,
-    ThreeAxleCar,
-    ThreeAxleTrenchCar,
-    WishboneCar,
-)
+from fmu_sources.vehicles.schema import FullCar, QuarterCar, RideCar, ThreeAxleCar, ThreeAxleTrenchCar, WishboneCar
 
 __all__ = [
     "Actuator",
