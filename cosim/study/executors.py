@@ -134,9 +134,8 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """
     if address != LOCAL and not _ADDRESS.fullmatch(address):
         raise ClusterError(
-            f"{address!r} is not an address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints"
-            " it, or"
-            f" {LOCAL}"
+            f"{address!r} is not an address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it,"
+            f" or {LOCAL}"
         )
     with extras.needed("cluster", "a Dask cluster"):
         from distributed import Client

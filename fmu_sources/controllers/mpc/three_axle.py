@@ -343,10 +343,9 @@ _NOTES = (
     ),
     (
         "Without preview (use_preview false) the estimator's disturbance model decides: with offsets on the outputs,"
-        " the usual default, the controller reacts only when the trench has tilted the body; with road"
-        " heights it infers"
-        " the road from the wheels and is nearly as good at low speed. With all states measured it knows no reason for"
-        " what happens and leaves an error."
+        " the usual default, the controller reacts only when the trench has tilted the body; with road heights it"
+        " infers the road from the wheels and is nearly as good at low speed. With all states measured it knows no"
+        " reason for what happens and leaves an error."
     ),
     (
         "The quadratic program has 19 unknowns and about 950 rows; DAQP solves it. OSQP can be chosen at build time;"
