@@ -307,9 +307,8 @@ class _Period:
         self._out = [layout.readable[name_of(s)] for s in outputs]
         self._inputs, self._outputs = [name_of(s) for s in inputs], [name_of(s) for s in outputs]
         self._components = list(linearized_components.values())
-        self._parts: list[
-            tuple[Array, list[str], bool]
-        ] = []  # an array of states, their names, whether they are held values
+        # an array of states, their names, whether they are held values
+        self._parts: list[tuple[Array, list[str], bool]] = []
         for m, linearized in linearized_components.items():
             self._parts.append((linearized.implementation.x, names[m], False))  # type: ignore[attr-defined]
         for m, linearized in linearized_components.items():

@@ -99,25 +99,7 @@ def summary(report: Report) -> dict[str, Any]:
         "verdicts": counts.verdicts,
         "checks_total": counts.checks,
         "checks_held": counts.checks_held,
-        "claims": [
-            {
-                "id": c.id,
-                "claim": c.claim,
-                "published": c.published,
-                "result": shown(c),
-                "value": c.value,
-                "unit": c.unit,
-                "verdict": c.verdict,
-                "own": c.own,
-                "criterion": c.criterion,
-                "fitted": c.fitted,
-                "reason": c.reason,
-                "source": c.source,
-                "share": c.share,
-                "conditions": [asdict(part) for part in c.conditions],
-            }
-            for c in report.claims
-        ],
+        "claims": [asdict(c) | {"result": shown(c), "own": c.own} for c in report.claims],
         "results": {r.name: {"value": r.value, "unit": r.unit} for r in report.results},
         "tables": {
             t.id: {"title": t.title, "columns": t.columns, "rows": t.rows, "csv": table_csv(t.id)}

@@ -245,8 +245,7 @@ def _reliefs(found: Found) -> list[Relief]:
     return [] if shape == _TRENCH else [Relief([(0.0, 0.0)])]
 
 
-# ------------------------------------------------------------------------------------------------- what controllers
-# show
+# ------------------------------------------------------------------------------------------------ what controllers show
 
 
 _USED = "preview.used"  # beyond the first
@@ -379,8 +378,7 @@ def _readings(found: Found) -> list[Reading]:
     return [r for r in readings if unique[r.label] is r]
 
 
-# ---------------------------------------------------------------------------------------------------------- quarter
-# cars
+# --------------------------------------------------------------------------------------------------------- quarter cars
 
 
 def _quarter(found: Found) -> Scene:

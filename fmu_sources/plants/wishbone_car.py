@@ -362,8 +362,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     return c
 
 
-# ---------------------------------------------------------------------------------------------------- computed
-# parameters
+# -------------------------------------------------------------------------------------------------- computed parameters
 
 
 def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:

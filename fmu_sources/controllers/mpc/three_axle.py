@@ -59,9 +59,8 @@ _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 
 _PITCH_WEIGHT = 100.0  # in all cases; Table 4.10 prints 30 for cases 1 and 3
 _HEIGHT_WEIGHT = 20.0
 _RATE = 1.2e6  # N per sample as printed, Table 4.5; N/s for trenches
-_FORCED: tuple[
-    Mapping[str, tuple[float, float]], ...
-] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+# by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+_FORCED: tuple[Mapping[str, tuple[float, float]], ...] = (
     {},
     {"a1": (50.0, 70.0)},
     {"a2": (50.0, 70.0)},
