@@ -65,6 +65,8 @@ PLATFORMS: dict[str, Platform] = {
         Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib"),
     )
 }
+WASM = Platform("wasm32", "wasm32", "wasm32-wasi", ".wasm")
+"""Web pages, which ziglang alone compiles for. A module is a library whose functions the page calls."""
 
 
 def host() -> str:
@@ -113,7 +115,7 @@ class Toolchain:
 
         The system's mathematical library is not linked: the objects carry their own (`build_fmus.mathematics`).
         """
-        flags: list[str] = ["-shared", "-s"]
+        flags = ["-mexec-model=reactor" if self.platform == WASM else "-shared", "-s"]
         if self.platform.suffix == ".so":
             flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
         elif self.platform.suffix == ".dylib":
@@ -170,14 +172,21 @@ def find_toolchain(platform_name: str) -> Toolchain:
         if os.environ.get("CC"):
             program = "" if len(candidates[0]) == 1 else f": {candidates[0][0]}"
             raise CompileError(f"CC={os.environ['CC']}{program} is not in PATH")
-    if importlib.util.find_spec("ziglang") is not None:
-        baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
-        command = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
-        return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
+    if (zig := find_zig(target)) is not None:
+        return zig
     raise CompileError(
         f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "
         "administrator rights)"
     )
+
+
+def find_zig(target: Platform) -> Toolchain | None:
+    """The compiler of ziglang for a platform, if it is installed."""
+    if importlib.util.find_spec("ziglang") is None:
+        return None
+    baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
+    command = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
+    return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
 
 
 def _chosen_command() -> tuple[str, ...]:
