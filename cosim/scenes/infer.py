@@ -451,8 +451,7 @@ def _squash(found: Found, rest: float) -> Value:
     return (found.given("road.height") or Value()) + found.output("wheel.z", -1.0, rest)
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# pieces
+# --------------------------------------------------------------------------------------------------------------- pieces
 
 
 def _round_up(number: float) -> float:

@@ -219,8 +219,7 @@ def _thinned(values: Array) -> Any:
     return np.union1d(chosen, fine[[values[fine].argmin(), values[fine].argmax()]]) if len(fine) else chosen
 
 
-# ---------------------------------------------------------------------------------------------------------------
-# scatter
+# -------------------------------------------------------------------------------------------------------------- scatter
 
 
 def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Section:
@@ -290,8 +289,7 @@ def _scaled(values: Array) -> Array:
     return (values - low) / (high - low) if high > low else np.where(np.isfinite(values), 0.5, np.nan)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# sensitivity
+# ---------------------------------------------------------------------------------------------------------- sensitivity
 
 
 def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes | None = None) -> Section:

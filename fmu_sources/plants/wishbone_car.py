@@ -773,8 +773,7 @@ def _plane(corners: Corners, p: Any) -> _Plane:
     return _Plane((fl + fr) / 2 - slope * front[0], ca.atan(twist), -ca.atan(slope))
 
 
-# -----------------------------------------------------------------------------------------------------------
-# mathematics
+# ---------------------------------------------------------------------------------------------------------- mathematics
 
 
 def _solve(matrix: Any, right: Any) -> Any:

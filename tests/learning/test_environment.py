@@ -218,8 +218,7 @@ def test_planning_leaves_no_trace(make: Make) -> None:
     assert play(env, chosen, seed=1)[1:] == played
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# failures
+# ------------------------------------------------------------------------------------------------------------- failures
 
 FAILURES = {"raises_at": "it broke", "nan_at": "(x|v) is nan at t = "}
 

@@ -62,8 +62,7 @@ def surface(scan, x, heights, side="left"):
     return {f"scan.{side}[{i + 1}]": heights(x + scan.start + i * scan.step) for i in range(scan.count)}
 
 
-# -----------------------------------------------------------------------------------------------------------------
-# noise
+# ---------------------------------------------------------------------------------------------------------------- noise
 
 
 @pytest.fixture(scope="module")
