@@ -104,7 +104,7 @@ class Toolchain:
 
     def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
         """One file of C, or of C++ that needs no library, to one object file."""
-        pic = ["-fPIC"] if self.platform.suffix in (".so", ".dylib") else []
+        pic = [] if self.platform.is_windows or self.platform == WASM else ["-fPIC"]
         folders = [f"-I{i.absolute()}" for i in include]
         self._run([*_flags(source), *pic, *folders, "-c", source.absolute(), "-o", output.absolute()])
 
