@@ -1,8 +1,8 @@
 """Vehicle files: parameter sets in TOML, each value with its unit and source.
 
 - `quantities`: values, tables and heads of files
-- `schema`: what a vehicle's file must contain: fields, units, limits, descriptions; `devices`: that of an actuator or
-  of sensors
+- `schema`: what a vehicle's file must contain: fields, units, limits, descriptions
+- `devices`: the same of an actuator and of sensors
 - `loader`: files to vehicles, and vehicles to parameters of a component
 """
 

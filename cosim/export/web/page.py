@@ -241,7 +241,7 @@ def _licenses(codes: Sequence[SystemCode]) -> str:
     return "\n\n".join(f"{name}\n\n{content.decode(errors='replace').strip()}" for content, name in texts.items())
 
 
-# ---------------------------------------------------------------------------------------------- what the script is told
+# ------------------------------------------------------------------------------------------------ what the script reads
 
 
 def _gathered(systems: Sequence[PageSystem], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:
