@@ -75,8 +75,4 @@ def _fit(speed: float, gradient: bool, lanes: str) -> tuple[Calibration, dict[st
         run = min(*runs, *(spent(again, first) for _ in range(ROUNDS)))
     if model.by_difference:
         raise RuntimeError(f"build the FMUs again: {model.by_difference}")
-    return fits[0], {
-        "runs": model.runs,
-        "runs with derivatives": model.runs_with_slopes,
-        "run-equivalents": took / run,
-    }
+    return fits[0], {"runs": model.runs, "runs with derivatives": model.runs_with_slopes, "run-equivalents": took / run}

@@ -52,9 +52,8 @@ def measure(runs: int = 400) -> dict[str, float]:
             found.setdefault(name, []).append(runs / (time.perf_counter() - begin))
     expected = outcomes["cosim, processes"]
     for name, outcome in outcomes.items():
-        np.testing.assert_allclose(
-            outcome, expected, rtol=2e-2, atol=1e-4, err_msg=name
-        )  # they sample at other instants
+        # they sample at other instants
+        np.testing.assert_allclose(outcome, expected, rtol=2e-2, atol=1e-4, err_msg=name)
     return {name: median(speeds) for name, speeds in found.items()}
 
 

@@ -194,7 +194,7 @@ def build(
             keys: dict[tuple[str, int], str] = {}  # of what the files hold before they are read to build from
             for name in level:
                 # Entries needed only by others must exist for FMI 3.0, which makers read.
-                alone = name in asked and not _is_need(catalog, requested, name)
+                alone = name in asked and not any(name in catalog[n].needs for n in requested)
                 versions = options.fmi if alone else tuple({*options.fmi, 3})
                 keys |= {(name, f): stamp_key(catalog[name], options, f, sources(catalog[name])) for f in versions}
                 stale[name] = tuple(
@@ -223,10 +223,6 @@ def _is_key(key: str, *made_of: Any) -> bool:
         return key == stamp_key(*made_of)
     except OSError:  # a file has gone
         return False
-
-
-def _is_need(catalog: Mapping[str, Buildable], requested: list[str], name: str) -> bool:
-    return any(name in catalog[n].needs for n in requested)
 
 
 def _start_worker() -> None:

@@ -65,6 +65,8 @@ PLATFORMS: dict[str, Platform] = {
         Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib"),
     )
 }
+WASM = Platform("wasm32", "wasm32", "wasm32-wasi", ".wasm")
+"""Web pages, which ziglang alone compiles for. A module is a library whose functions the page calls."""
 
 
 def host() -> str:
@@ -102,11 +104,9 @@ class Toolchain:
 
     def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
         """One file of C, or of C++ that needs no library, to one object file."""
-        pic = () if self.platform.is_windows else ("-fPIC",)
-        flags = _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
-        self._run(
-            [*flags, *pic, *(f"-I{i.absolute()}" for i in include), "-c", source.absolute(), "-o", output.absolute()]
-        )
+        pic = [] if self.platform.is_windows or self.platform == WASM else ["-fPIC"]
+        folders = [f"-I{i.absolute()}" for i in include]
+        self._run([*_flags(source), *pic, *folders, "-c", source.absolute(), "-o", output.absolute()])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
         """Link objects to a shared library without undefined symbols; loaders know it by the name of `output`.
@@ -115,7 +115,7 @@ class Toolchain:
 
         The system's mathematical library is not linked: the objects carry their own (`build_fmus.mathematics`).
         """
-        flags: list[str] = ["-shared", "-s"]
+        flags = ["-mexec-model=reactor" if self.platform == WASM else "-shared", "-s"]
         if self.platform.suffix == ".so":
             flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
         elif self.platform.suffix == ".dylib":
@@ -151,6 +151,10 @@ class Toolchain:
             raise CompileError(f"{' '.join(command)}\n{done.stderr.strip()}")
 
 
+def _flags(source: Path) -> tuple[str, ...]:
+    return _CPP_FLAGS if source.suffix == ".cpp" else CFLAGS
+
+
 def find_toolchain(platform_name: str) -> Toolchain:
     """The host compiler (`CC`, which may have arguments; cc, gcc, clang) for the host platform, else ziglang.
 
@@ -168,14 +172,21 @@ def find_toolchain(platform_name: str) -> Toolchain:
         if os.environ.get("CC"):
             program = "" if len(candidates[0]) == 1 else f": {candidates[0][0]}"
             raise CompileError(f"CC={os.environ['CC']}{program} is not in PATH")
-    if importlib.util.find_spec("ziglang") is not None:
-        baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
-        command = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
-        return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
+    if (zig := find_zig(target)) is not None:
+        return zig
     raise CompileError(
         f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "
         "administrator rights)"
     )
+
+
+def find_zig(target: Platform) -> Toolchain | None:
+    """The compiler of ziglang for a platform, if it is installed."""
+    if importlib.util.find_spec("ziglang") is None:
+        return None
+    baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
+    command = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
+    return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
 
 
 def _chosen_command() -> tuple[str, ...]:
@@ -229,9 +240,9 @@ class ObjectCache:
         self.directory = directory
 
     @classmethod
-    def of_user(cls, name: str) -> ObjectCache:
-        """The one of this name among the user's."""
-        return cls(safe_files.cache_directory() / name)
+    def of_user(cls) -> ObjectCache:
+        """The user's: of everything but FMUs."""
+        return cls(safe_files.cache_directory() / "objects")
 
     def library(
         self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str, *, loads: bool = False
@@ -262,12 +273,12 @@ class ObjectCache:
         """The object file of one C file, compiled once per content and toolchain."""
         headers = included_headers(source, include)
         contents = [source.read_bytes(), *(h.name.encode() + b"\0" + h.read_bytes() for h in headers)]
-        key = self._key(toolchain, *contents)
+        key = self._key(toolchain, *contents, flags=_flags(source))
         return self._kept(key, ".o", lambda out: toolchain.compile(source, out, include))
 
     @staticmethod
-    def _key(toolchain: Toolchain, *parts: bytes) -> str:
-        identity = f"{toolchain.platform.name}|{toolchain.version}|{CFLAGS}".encode()
+    def _key(toolchain: Toolchain, *parts: bytes, flags: tuple[str, ...] = CFLAGS) -> str:
+        identity = f"{toolchain.platform.name}|{toolchain.version}|{flags}".encode()
         return hashlib.sha256(b"\0".join((identity, *parts))).hexdigest()[:32]
 
     def _kept(self, key: str, suffix: str, build: Callable[[Path], None]) -> Path:

@@ -358,9 +358,8 @@ def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._El
             structure, tag, valueReference=str(value_reference[r.name]), dependencies=" ".join(map(str, on))
         )
 
-    initial_names = (
-        set() if clocks else set(_initial_unknowns(component, refs))
-    )  # what belongs to a clock begins at its first tick
+    # what belongs to a clock begins at its first tick
+    initial_names = set() if clocks else set(_initial_unknowns(component, refs))
     for r in refs:
         if r.variable.output:
             unknown("Output", r, dependencies)

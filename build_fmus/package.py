@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -68,17 +67,13 @@ def _pack(
     content["modelDescription.xml"] = description_xml.model_description(
         component, fmi, token=token, sources=sources, arrays=arrays, clocks=clocks
     )
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-        for name, data in files.items():
-            (Path(tmp) / name).parent.mkdir(exist_ok=True)
-            (Path(tmp) / name).write_bytes(data)
-        paths = [Path(tmp) / n for n in sources]
+    with safe_files.scratch_files(files) as folder:
+        paths = [folder / n for n in sources]
         compilers = {}
-        for platform in platforms:
-            folder = platform.fmi2_name if fmi == 2 else platform.name
-            path = f"binaries/{folder}/{component.name}{platform.suffix}"
-            compilers[path] = find_toolchain(platform.name)
-            content[path] = cache.library(compilers[path], paths, [Path(tmp)], component.name).read_bytes()
+        for p in platforms:
+            path = f"binaries/{p.fmi2_name if fmi == 2 else p.name}/{component.name}{p.suffix}"
+            compilers[path] = find_toolchain(p.name)
+            content[path] = cache.library(compilers[path], paths, [folder], component.name).read_bytes()
     icon = icon_png(component.kind)
     if fmi == 2:
         content["model.png"] = icon

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 
@@ -69,13 +68,9 @@ def _library(component: Model) -> ctypes.CDLL:
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
     files = generate.with_mathematics(files)
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-        for name, data in files.items():
-            (Path(tmp) / name).parent.mkdir(exist_ok=True)
-            (Path(tmp) / name).write_bytes(data)
-        sources = [Path(tmp) / n for n in files if n.endswith(".c")]
-        cache = ObjectCache(safe_files.cache_directory() / "solvers")
-        return _load(cache.library(find_toolchain(host()), sources, [Path(tmp)], "solver"))
+    with safe_files.scratch_files(files) as folder:
+        sources = [folder / n for n in files if n.endswith(".c")]
+        return _load(ObjectCache.of_user().library(find_toolchain(host()), sources, [folder], "solver"))
 
 
 @lru_cache

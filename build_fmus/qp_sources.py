@@ -11,7 +11,6 @@ import io
 import os
 import subprocess
 import tarfile
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import metadata
@@ -124,27 +123,13 @@ def _is_pinned(data: bytes) -> bool:
 
 
 def _download(name: str) -> bytes:
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp:
-        requirements = Path(tmp) / "requirements.txt"
-        requirements.write_text(f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n")
-        command = [
-            *PYTHON,
-            "-m",
-            "pip",
-            "download",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--no-deps",
-            "--no-binary",
-            "daqp",
-            "--require-hashes",
-            "--dest",
-            tmp,
-            "-r",
-            str(requirements),
-        ]
+    pinned = f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n"
+    with safe_files.scratch_files({"requirements.txt": pinned.encode()}) as folder:
+        options = ["--quiet", "--disable-pip-version-check", "--no-deps", "--no-binary", "daqp", "--require-hashes"]
+        files = ["--dest", str(folder), "-r", str(folder / "requirements.txt")]
+        command = [*PYTHON, "-m", "pip", "download", *options, *files]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        path = Path(tmp) / name
+        path = folder / name
         if path.is_file() and _is_pinned(data := path.read_bytes()):
             return data
     reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]

@@ -198,9 +198,8 @@ def recover(file: Path, to: Path | None) -> None:
     show(Text(f"{path}: {len(recording)} samples of {len(recording.names)} variables{end}"))
 
 
-@app.command(
-    add_help_option=False, context_settings={"allow_extra_args": True, "ignore_unknown_options": True}
-)  # which the other command reads
+# the other command reads the arguments
+@app.command(add_help_option=False, context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 @click.pass_context
 def build(context: click.Context) -> None:
     """Build FMUs from the component declarations."""

@@ -213,12 +213,7 @@ def code_of_makers() -> Callable[[builder.Buildable], str]:
     type=Names(TARGETS),
     help="build C libraries for this processor instead of FMUs, with their measurements",
 )
-@click.option(
-    "--precision",
-    type=Names(PRECISIONS),
-    default="double",
-    help="numbers of the C libraries of --target",
-)
+@click.option("--precision", type=Names(PRECISIONS), default="double", help="numbers of the C libraries of --target")
 @click.option(
     "--force/--no-force", default=False, help="build everything from scratch, without caches, even if up to date"
 )

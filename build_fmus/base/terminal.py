@@ -98,11 +98,7 @@ _VERBOSITY = (
         help="print the warnings of the FMUs as they run; -vv: everything that they log",
     ),
     click.Option(
-        ["--quiet", "-q"],
-        is_flag=True,
-        expose_value=False,
-        callback=_tell_less,
-        help="print only results and errors",
+        ["--quiet", "-q"], is_flag=True, expose_value=False, callback=_tell_less, help="print only results and errors"
     ),
 )
 """Options of every command."""

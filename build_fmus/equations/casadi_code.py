@@ -72,9 +72,8 @@ def _definitions(code: str) -> dict[str, str]:
         text = "\n".join(open_)
         if text.count("{") == text.count("}") and line.rstrip().endswith((";", "}")):
             head = _NAME.search(_WORD.sub("", text))
-            if head is not None and not text.startswith(
-                "CASADI_SYMBOL_EXPORT"
-            ):  # which are entry points and their like
+            # neither entry points nor their like
+            if head is not None and not text.startswith("CASADI_SYMBOL_EXPORT"):
                 result[head[0]] = text
             open_ = []
     return result

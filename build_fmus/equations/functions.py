@@ -15,7 +15,8 @@ from build_fmus.equations.casadi_code import casadi_code
 from build_fmus.equations.graph import GATHER, Graph, Result, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct
 from build_fmus.equations.operators import CONDITIONS
-from build_fmus.equations.statements import Name, Statements, Tables, Target
+from build_fmus.equations.statements import Name, Statements, Target
+from build_fmus.equations.values import Tables
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca

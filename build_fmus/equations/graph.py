@@ -17,12 +17,8 @@ with extras.needed("build", extras.BUILDING):
 COPY = (ca.OP_RESHAPE, ca.OP_ASSIGN)  # the same numbers in the same order
 GATHER = -2  # elements of a vector, in another order
 SCATTER = -3  # a vector of zeros with some elements set
-_MATRICES = (
-    ca.OP_MTIMES,
-    ca.OP_HORZREPMAT,
-    ca.OP_TRANSPOSE,
-    ca.OP_SOLVE,
-)  # what the sizes of operands decide beside their elements
+# what the sizes of operands decide beside their elements
+_MATRICES = (ca.OP_MTIMES, ca.OP_HORZREPMAT, ca.OP_TRANSPOSE, ca.OP_SOLVE)
 _AS_THEY_ARE = (
     *_MATRICES,
     ca.OP_VERTCAT,

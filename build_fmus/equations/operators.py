@@ -118,9 +118,7 @@ _WRITERS: dict[int, _Writer] = {
 } | {getattr(ca, f"OP_{name.upper()}"): _call(name) for name in FUNCTIONS}
 ELEMENTWISE = frozenset(_WRITERS)
 CONDITIONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, *_CONDITIONS)
-ARITHMETIC = frozenset(
-    (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_INV, ca.OP_SQ),
-)
+ARITHMETIC = frozenset((ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_INV, ca.OP_SQ))
 SMOOTH_FUNCTIONS = frozenset(
     (
         *(ca.OP_EXP, ca.OP_EXPM1, ca.OP_ERF, ca.OP_SIN, ca.OP_COS, ca.OP_TAN, ca.OP_ATAN),

@@ -7,70 +7,24 @@ value of a choice needs stands under its condition (`branches`).
 
 from __future__ import annotations
 
-import heapq
-import math
-import textwrap
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
-
-import numpy as np
 
 from build_fmus.base import extras
 from build_fmus.base.escape import c_comment
-from build_fmus.equations.branches import Block, Branch, Guard, arranged, calls, guards, homes
+from build_fmus.equations.branches import Branch, Guard, calls, guards
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
-from build_fmus.equations.locals import Statement, without_derivatives
+from build_fmus.equations.lines import Layout, Line
 from build_fmus.equations.names import WIDTH, Struct, identifier
 from build_fmus.equations.operators import ARITHMETIC, ATOM, ELEMENTWISE, SMOOTH_FUNCTIONS, Text, constant, write
+from build_fmus.equations.values import Index, Tables, Value
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
 LONGEST = 4 * WIDTH  # characters of an expression that is not divided
 _FREE = 16  # characters of an operand that no line of its own makes shorter
-
-
-class Index(NamedTuple):
-    """A position in a vector: `step * variable + start`; variable "" for a number."""
-
-    variable: str
-    step: int = 1
-    start: int = 0
-
-    def through(self, places: range) -> Index:
-        """This one of the given positions."""
-        return Index(self.variable, self.step * places.step, places.start + places.step * self.start)
-
-    @property
-    def code(self) -> str:
-        """The C expression."""
-        if not self.variable or not self.step:
-            return str(self.start)
-        variable = f"({self.variable})" if " " in self.variable and self.step != 1 else self.variable
-        text = variable if abs(self.step) == 1 else f"{abs(self.step)} * {variable}"
-        if self.step < 0:
-            return f"{self.start} - {text}"
-        return text if not self.start else f"{text} + {self.start}" if self.start > 0 else f"{text} - {-self.start}"
-
-
-@dataclass(frozen=True)
-class Value:
-    """How a node is written in C.
-
-    `at` gives the code of one element; `pointer` that of the first where all lie in a row. `length` is the
-    approximate number of characters; `reads` are the work arrays, named numbers and fields that it is read from. A
-    plain value is stored and needs no calculation. A smooth one is computed from named numbers and fields, which are no
-    elements of arrays, by operations whose slopes are finite.
-    """
-
-    at: Callable[[Index], Text]
-    length: int
-    pointer: str = ""
-    reads: frozenset[str] = frozenset()
-    plain: bool = False
-    smooth: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,52 +54,6 @@ class Target:
     comments: Mapping[int, str] = field(default_factory=dict)
     zero_first: bool = False
     array: str = "result"
-
-
-@dataclass
-class Tables:
-    """Constant arrays of a file, each different one once."""
-
-    names: dict[tuple[str, bytes], str] = field(default_factory=dict)
-    code: list[str] = field(default_factory=list)
-
-    def numbers(self, values: np.ndarray, name: str = "") -> str:
-        """Name of the array of these numbers."""
-        return self._table("double", values, [constant(v).code for v in values.tolist()], name or "table")
-
-    def positions(self, places: Sequence[int]) -> str:
-        """Name of the array of these positions."""
-        return self._table("int", np.array(places), [str(k) for k in places], "positions")
-
-    def _table(self, kind: str, values: np.ndarray, texts: list[str], stem: str) -> str:
-        key = (kind, values.tobytes())
-        if key not in self.names:
-            name = identifier(
-                stem if stem not in ("table", "positions") else f"{stem}_{len(self.code) + 1}", self.names.values()
-            )
-            self.names[key] = name
-            rows = textwrap.wrap(", ".join(texts), WIDTH - 4, break_on_hyphens=False)
-            body = "\n    ".join(rows)
-            self.code.append(f"static const {kind} {name}[{len(texts)}] = {{\n    {body}}};\n")
-        return self.names[key]
-
-
-@dataclass
-class _Line:
-    """Lines of code, with the work arrays and named numbers that they write and read.
-
-    `@` stands for the position of the array that they begin. `kind` is the type of a number whose line does not say
-    it, because that depends on where the number is read. A smooth number can be a local one (`locals`).
-    """
-
-    lines: list[str]
-    writes: str = ""
-    begins: int = 0  # numbers of the work array that begins here
-    reads: frozenset[str] = frozenset()
-    kind: str = ""
-    guard: Guard = ()
-    smooth: bool = False
-    depth: float = math.inf  # calls of functions on the longest way to it; results stand behind all of these lines
 
 
 class Statements:
@@ -178,7 +86,7 @@ class Statements:
         self._uses: Counter[int] = Counter()  # and results
         self._taken: set[str] = set()
         self._explained: set[str] = set()  # sources that stand somewhere above
-        self._lines: list[_Line] = []
+        self._lines: list[Line] = []
         self._kept: frozenset[str] = frozenset()  # numbers that are not local
         self._count = 0
         self._live: set[int] = set()  # all nodes that are needed
@@ -197,7 +105,7 @@ class Statements:
         self._guard(roots)
         zeros = {t.array: t.size for t, _, _ in results if t.zero_first}
         for array, size in zeros.items():
-            self._lines.append(_Line([f"for (int i = 0; i < {size}; i++) {array}[i] = all(0.0);"]))
+            self._lines.append(Line([f"for (int i = 0; i < {size}; i++) {array}[i] = all(0.0);"]))
         explained = ""
         for target, start, node in results:
             if target.zero_first and self.is_zero(node):
@@ -205,10 +113,15 @@ class Statements:
             self._prepare(node)
             source = target.sources.get(start, "")
             if source and source != explained:
-                self._lines.append(_Line([f"/* {c_comment(source)} */"]))
+                self._lines.append(Line([f"/* {c_comment(source)} */"]))
             explained = source
             self._assign(target, start, node)
-        return self._in_branches() if self._guards else self._placed()
+        layout = Layout(self._lines, self._condition, self._kept, local=self._local)
+        text = layout.in_branches() if self._guards else layout.placed()
+        self.work = layout.work
+        if self.work:
+            self.pointers["w"] = None
+        return text
 
     # ------------------------------------------------------------------ which operations, in which order
 
@@ -266,6 +179,11 @@ class Statements:
         node = self.graph.nodes[n]
         return node.operation == ca.OP_CONST and isinstance(node.data, float) and node.data.hex() == "0x0.0p+0"
 
+    def _condition(self, branch: Branch) -> str:
+        node, holds = branch
+        text = self._values[node].at(Index(""))
+        return (text.condition if holds else write(ca.OP_NOT, [text])).code
+
     # ------------------------------------------------------------------ values
 
     def _value(self, n: int) -> Value:
@@ -304,7 +222,7 @@ class Statements:
             smooth = value.smooth and not (text.logical or text.uniform)
             lines = [*self._explanation(n), f"{name} = {(text if text.logical else text.real).code};"]
             depth = self._depths.get(n, 0)
-            line = _Line(lines, writes=name, reads=reads, kind=kind, guard=guard, smooth=smooth, depth=depth)
+            line = Line(lines, writes=name, reads=reads, kind=kind, guard=guard, smooth=smooth, depth=depth)
             self._lines.append(line)
             named = Text(name, ATOM, text.logical)
             return Value(lambda _: named, len(name), reads=frozenset((name,)), plain=True, smooth=not text.logical)
@@ -335,7 +253,7 @@ class Statements:
         name = self._name(n)
         self._storage[n] = name
         lines = [*self._explanation(n), f"real *const {name} = w + @;"]
-        self._lines.append(_Line(lines, writes=name, begins=size))
+        self._lines.append(Line(lines, writes=name, begins=size))
         return name
 
     def _stored(self, storage: str, size: int) -> Value:
@@ -463,7 +381,7 @@ class Statements:
             line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).real.code};"
         else:
             line = f"for (int i = 0; i < {size}; i++) {target} = {value.at(Index('i')).real.code};"
-        self._lines.append(_Line([line], writes=writes, reads=value.reads | reads))
+        self._lines.append(Line([line], writes=writes, reads=value.reads | reads))
 
     # ------------------------------------------------------------------ what is no loop over independent elements
 
@@ -506,7 +424,7 @@ class Statements:
                 )
                 code = value.at(Index("i")).real.code
             line = f"for (int j = 0; j < {outer}; j++) for (int i = 0; i < {inner}; i++) {element} = {code};"
-            self._lines.append(_Line([line], writes=storage, reads=value.reads))
+            self._lines.append(Line([line], writes=storage, reads=value.reads))
         else:
             raise UnknownOperationError(f"operation {node.operation}")
         return self._stored(storage, node.size)
@@ -524,7 +442,7 @@ class Statements:
             line = f"{storage}[{places[0]}] = {value.at(Index('')).real.code};"
         else:
             line = f"for (int i = 0; i < {len(places)}; i++) {storage}[{place}] = {value.at(Index('i')).real.code};"
-        self._lines.append(_Line([line], writes=storage, reads=value.reads))
+        self._lines.append(Line([line], writes=storage, reads=value.reads))
 
     def _own(self, n: int, a: int) -> str:
         """A work array for node `n` that begins as `a`: that of `a` itself where nothing else reads it."""
@@ -547,7 +465,7 @@ class Statements:
             i = Index("i" if size > 1 else "")
             call = f"store({storage}, {node.size}, {place.at(i).number.code}, {value.at(i).number.code});"
             line = f"for (int i = 0; i < {size}; i++) {call}" if size > 1 else call
-            self._lines.append(_Line([line], writes=storage, reads=value.reads | place.reads))
+            self._lines.append(Line([line], writes=storage, reads=value.reads | place.reads))
         else:
             storage = self._own(n, base)
             value = self._values[rest[0]]
@@ -561,7 +479,7 @@ class Statements:
         call, storage = ("product", self._begin(n, node.size)) if self.is_zero(z) else ("add_product", self._own(n, z))
         reads = self._values[x].reads | self._values[y].reads
         line = f"{call}({storage}, {left}, {right}, {rows}, {inner}, {columns});"
-        self._lines.append(_Line([line], writes=storage, reads=reads))
+        self._lines.append(Line([line], writes=storage, reads=reads))
         return self._stored(storage, node.size)
 
     def _solved(self, n: int, node: Node) -> Value:
@@ -573,7 +491,7 @@ class Statements:
         storage = self._begin(n, node.size + rows * rows)
         reads = self._values[a].reads | self._values[b].reads
         line = f"solve_linear({storage}, {storage} + {node.size}, {left}, {right}, {rows}, {columns});"
-        self._lines.append(_Line([line], writes=storage, reads=reads))
+        self._lines.append(Line([line], writes=storage, reads=reads))
         return self._stored(storage, node.size)
 
     # ------------------------------------------------------------------ results
@@ -605,139 +523,8 @@ class Statements:
             if target.pointer == "next" and count == size > 1 and value.pointer == stays:
                 self.kept.append((slot, count))
                 lines = ["#ifndef LANES", line, "#endif"]
-            self._lines.append(_Line(lines, reads=value.reads))
+            self._lines.append(Line(lines, reads=value.reads))
             done += count
-
-    # ------------------------------------------------------------------ work arrays
-
-    def _placed(self) -> list[str]:
-        """All lines, with a place in the work memory for every work array, from its first to its last use."""
-        self._choose_locals(frozenset())
-        last = {name: k for k, line in enumerate(self._lines) for name in (line.writes, *line.reads) if name}
-        ends: list[tuple[int, int, int]] = []  # last use, place, size
-        free: list[tuple[int, int]] = []  # place, size
-        text: list[str] = []
-        for k, line in enumerate(self._lines):
-            while ends and ends[0][0] < k:
-                _, place, size = heapq.heappop(ends)
-                free.append((place, size))
-            lines = self._declared(line)
-            if line.begins:
-                place = self._place(free, line.begins)
-                heapq.heappush(ends, (last[line.writes], place, line.begins))
-                lines = [x.replace("w + @", f"w + {place}") for x in lines]
-                self.pointers["w"] = None
-            text += _wrapped(lines)
-        return text
-
-    @staticmethod
-    def _declared(line: _Line) -> list[str]:
-        """The lines with the type of the number that they define."""
-        return [*line.lines[:-1], f"const {line.kind} {line.lines[-1]}"] if line.kind else line.lines
-
-    # ------------------------------------------------------------------ branches
-
-    def _in_branches(self) -> list[str]:
-        """All lines, those under conditions in blocks.
-
-        Calls of functions that do not wait for each other stand close together: a processor carries them out at the
-        same time as far as it looks ahead. A number that is read outside of its block is declared before it.
-        """
-        depths: dict[str, float] = {}
-        for line in self._lines:
-            line.depth = max([line.depth, *(depths[r] for r in line.reads if r in depths)])
-            depths[line.writes] = line.depth
-        self._lines.sort(key=lambda line: line.depth)
-        place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
-        needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]
-        items = arranged([line.guard for line in self._lines], needs)
-        home = homes(items)
-        outside: dict[int, int] = {}  # lines whose numbers are read outside of their block: how many blocks have both
-        for k, of in enumerate(needs):
-            for n in of:
-                both = next((i for i, (a, b) in enumerate(zip(home[k], home[n], strict=False)) if a != b), len(home[k]))
-                if both < len(home[n]):
-                    outside[n] = min(both, outside.get(n, both))
-        self._choose_locals(outside)
-        return self._block(items, outside, 0)
-
-    def _choose_locals(self, outside: Collection[int]) -> None:
-        """Make numbers without derivatives `local`, except those that are read `outside` of their block."""
-        if not self._local:
-            return
-        conditions = {line.writes for line in self._lines if line.kind == "condition"}
-        statements = [
-            Statement(
-                line.writes,
-                set(line.reads - conditions),
-                len(line.guard),
-                line.smooth and k not in outside and line.writes not in self._kept,
-            )
-            for k, line in enumerate(self._lines)
-        ]
-        left_out = without_derivatives(statements)
-        for line in self._lines:
-            if line.writes in left_out:
-                line.kind = "local"
-
-    def _block(self, items: Sequence[int | Block], outside: Mapping[int, int], depth: int) -> list[str]:
-        text: list[str] = []
-        for item in items:
-            if not isinstance(item, Block):
-                line = self._lines[item]
-                text += _wrapped(line.lines if item in outside else self._declared(line), depth)
-                continue
-            before = [self._lines[k] for k in sorted(item.lines()) if outside.get(k) == depth]
-            text += _wrapped([f"{line.kind} {line.writes} = {{0}};" for line in before], depth)
-            inner = self._block(item.items, outside, depth + 1)
-            text += [
-                *_wrapped([f"if (any({self._condition(item.branch)})) {{"], depth),
-                *inner,
-                *_wrapped(["}"], depth),
-            ]
-        return text
-
-    def _condition(self, branch: Branch) -> str:
-        node, holds = branch
-        text = self._values[node].at(Index(""))
-        return (text.condition if holds else write(ca.OP_NOT, [text])).code
-
-    def _place(self, free: list[tuple[int, int]], size: int) -> int:
-        """The first gap that is large enough, or the end."""
-        free.sort()
-        merged: list[tuple[int, int]] = []
-        for place, length in free:
-            if merged and merged[-1][0] + merged[-1][1] == place:
-                merged[-1] = (merged[-1][0], merged[-1][1] + length)
-            else:
-                merged.append((place, length))
-        free[:] = merged
-        for i, (place, length) in enumerate(free):
-            if length >= size:
-                free[i : i + 1] = [(place + size, length - size)] if length > size else []
-                return place
-        place = self.work
-        self.work += size
-        return place
-
-
-_INDENT = " " * 4
-
-
-def _wrapped(lines: Iterable[str], depth: int = 0) -> list[str]:
-    indent = _INDENT * depth
-    return [
-        part
-        for line in lines
-        for part in textwrap.wrap(
-            line,
-            WIDTH,
-            initial_indent=indent,
-            subsequent_indent=indent + _INDENT,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-    ]
 
 
 _ZERO = Value(lambda _: Text("0.0", uniform=True), 3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -49,16 +48,16 @@ def build_library(component: Component, target: Target, out: Path, precision: st
         raise TargetError(f"{model.name}: its own start values fail a check: {failed[0]}")
     model.dimensions.check()
     tools, library = find_tools(target), assemble(model, precision)
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-        content = _compile(library, tools, Path(tmp))
-        metrics = _measure(model, library, tools, Path(tmp))
+    with safe_files.scratch_files({}) as tmp:
+        content = _compile(library, tools, tmp)
+        metrics = _measure(model, library, tools, tmp)
         if precision == "single":
-            metrics["single_errors"] = single_errors(model, assemble(model), library, Path(tmp))
+            metrics["single_errors"] = single_errors(model, assemble(model), library, tmp)
         if target.prefix:
-            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, Path(tmp), precision)
+            content["example.elf"], content[f"{model.name}.a2l"] = _example(model, tools, tmp, precision)
         if target.board:
             interface = _interface(model, target) | {"precision": precision, "state_bytes": metrics["ram_bytes"]}
-            content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, Path(tmp))
+            content["firmware.elf"] = _firmware(library.name, interface["frame"], tools, tmp)
             content["interface.json"] = (json.dumps(interface, indent=1) + "\n").encode()
     content |= library.notices | {"metrics.json": (json.dumps(metrics, indent=1) + "\n").encode()}
     folder = out / (target.name if precision == "double" else f"{target.name}-{precision}") / library.name

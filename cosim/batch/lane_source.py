@@ -18,13 +18,8 @@ from cosim.fmu.own_states import fnv1a
 
 RUNTIME, _THIRD_PARTY = (Path(building.__file__).with_name(n) for n in ("runtime", "third_party"))
 MUSL = _THIRD_PARTY / "musl"
-_SAME = (
-    "equations.h",
-    "fmu_core.c",
-    "fmu_math.h",
-    "integrators.c",
-    "saved_state.h",
-)  # of which lanes carry out the operations
+# files whose operations lanes carry out
+_SAME = ("equations.h", "fmu_core.c", "fmu_math.h", "integrators.c", "saved_state.h")
 
 
 class NoLanes(Exception):  # noqa: N818

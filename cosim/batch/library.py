@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -213,14 +212,10 @@ def _loaded_from(files: Mapping[str, bytes], sources: tuple[str, ...], name: str
 def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Path:
     """A library of these files, compiled once per machine and content."""
     try:
-        toolchain = find_toolchain(host())
-        with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as temporary:
-            folder = Path(temporary)
-            for path, data in files.items():
-                (folder / path).parent.mkdir(exist_ok=True)
-                (folder / path).write_bytes(data)
+        with safe_files.scratch_files(files) as folder:
             include = [folder, _HERE, engine.HEADER.parent, ENVIRONMENT.parent, OF_FMUS]
-            return ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
+            paths = [folder / s for s in sources]
+            return ObjectCache.of_user().library(find_toolchain(host()), paths, include, name)
     except (CompileError, OSError) as error:
         said = str(error).splitlines()
         why = next((line for line in said if "error" in line), said[0])

@@ -98,16 +98,10 @@ class Bench:
         found = [v for v in self.fmu.readable(self.model.variables) if v.causality in order]
         return sorted(found, key=lambda v: (order[v.causality], v.position))[:MOST_READ]
 
-    def settable(self, *causalities: str, numbers: bool = True) -> list[Var]:
-        """Inputs or parameters that can be set at will."""
-        found = self.fmu.readable(self.model.of(*causalities))
-        return [
-            v
-            for v in found
-            if v.variability != "constant"
-            and (not numbers or v.is_number or v.access == "Boolean")
-            and v.starts() is not None
-        ]
+    def settable(self, *causalities: str) -> list[Var]:
+        """Numbers and Booleans among inputs or parameters that can be set at will."""
+        found = [v for v in self.fmu.readable(self.model.of(*causalities)) if v.is_number or v.access == "Boolean"]
+        return [v for v in found if v.variability != "constant" and v.starts() is not None]
 
     def continuous_inputs(self) -> list[Var]:
         """Inputs that can be set at will, as far as they are continuous."""

@@ -213,9 +213,8 @@ def _mach_o(data: bytes) -> Library:
             entry = struct.Struct(order + ("IBBHQ" if bits == 64 else "IBBHI"))
             for i in range(n):
                 name, type_, _, _, _ = entry.unpack_from(data, symbols + i * entry.size)
-                if (
-                    type_ & 1 and type_ & 0xE == 0xE and not type_ & 0xE0
-                ):  # external, defined in a section, no debug entry
+                # external, defined in a section, no debug entry
+                if type_ & 1 and type_ & 0xE == 0xE and not type_ & 0xE0:
                     library.exported.add(_text(data, strings + name).removeprefix("_"))
         at += max(size, 8)
     return library

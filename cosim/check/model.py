@@ -192,9 +192,8 @@ class Model:
     scheduled: bool = False
     structural: bool = False
     clocks: bool = False
-    ticking: tuple[
-        tuple[int, float, float], ...
-    ] = ()  # periodic input clocks: reference, interval, shift [s]; NaN: the FMU says it
+    # periodic input clocks: reference, interval, shift [s]; NaN: the FMU says it
+    ticking: tuple[tuple[int, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         self.by_key: dict[int, Var] = {}
@@ -330,7 +329,7 @@ def _variables3(root: Any) -> list[Var]:
         attributes = {**inherited, **element.attrib}
         starts = [s.get("value", "") for s in element.iterfind("Start")]
         if starts:
-            attributes["start"] = starts[0] if len(starts) == 1 else " ".join(starts)
+            attributes["start"] = " ".join(starts)
         size = 1
         for d in element.iterfind("Dimension"):
             text = d.get("start") if d.get("start") is not None else sizes.get(d.get("valueReference"))

@@ -172,9 +172,8 @@ def steps(bench: Bench) -> Found:
     bench.require(bench.interface.variable_step, "it does not support variable communication steps")
     h, watched = bench.step, [v for v in bench.watched() if v.is_float and v.causality == "output"]
     ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0]}
-    if (
-        bench.version == "3" and bench.interface.internal_step is None
-    ):  # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
+    # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
+    if bench.version == "3" and bench.interface.internal_step is None:
         ways["split"] = [0.5, 0.5, 0.25, 0.75, 0.5, 0.5, 1.0] * 2
 
     def ends(a: Instance, parts: list[float]) -> tuple[Values, Values]:

@@ -18,9 +18,8 @@ T = TypeVar("T")
 
 _ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
-_WITH_BRACKETS = re.compile(
-    r"(?P<quantity>\S.*?) \[(?P<unit>.+)\]", re.DOTALL
-)  # in the unit, which an FMU of anybody names
+# brackets in the unit, too, which an FMU of anybody names
+_WITH_BRACKETS = re.compile(r"(?P<quantity>\S.*?) \[(?P<unit>.+)\]", re.DOTALL)
 
 
 UNKNOWN = "?"

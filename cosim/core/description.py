@@ -167,9 +167,8 @@ class Description:
     event_mode: bool = False  # FMI 3.0, Co-Simulation: it can be told when events happen
     early_return: bool = False  # FMI 3.0, Co-Simulation: its steps may end early by themselves
     clocks: list[Clock] = field(default_factory=list)
-    initial_dependencies: dict[str, frozenset[str]] = field(
-        default_factory=dict
-    )  # of outputs on inputs in initialization, where they are declared
+    # dependencies of outputs on inputs in initialization, where they are declared
+    initial_dependencies: dict[str, frozenset[str]] = field(default_factory=dict)
     initial_unknowns: frozenset[str] = frozenset()  # declared names of what initialization computes
 
     def __post_init__(self) -> None:

@@ -140,7 +140,7 @@ def compiled(platform_name: str) -> Path:
         CompileError: there is no compiler for it, or it failed.
     """
     include = [HEADER.parent, ENVIRONMENT.parent]
-    return ObjectCache.of_user("engine").library(find_toolchain(platform_name), SOURCES, include, "engine")
+    return ObjectCache.of_user().library(find_toolchain(platform_name), SOURCES, include, "engine")
 
 
 def prebuilt_name(platform_name: str) -> str:

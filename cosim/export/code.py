@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import accumulate
@@ -12,7 +11,7 @@ from typing import Any
 from build_fmus import generate, package
 from build_fmus.base import extras, safe_files, surface
 from build_fmus.base.escape import c_identifier, c_number, c_string
-from build_fmus.compile import ObjectCache, find_toolchain, host
+from build_fmus.compile import find_toolchain, host
 from cosim.core.description import INTEGER_RANGE, RECORDABLE, TEXTS, WIDE, Variable
 from cosim.core.errors import CosimError, WiringError
 from cosim.engine.clock_networks import NetworkPlan, clock_networks
@@ -173,7 +172,7 @@ class SystemCode:
         """Whether texts, bytes or 64-bit integers are exchanged."""
         return any(c.size for c in self.schedule.connections)
 
-    def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
+    def files(self, platform: str = "") -> dict[str, bytes]:
         """All C files and headers except plan.c, by path below `sources/`.
 
         `platform`: the platform whose compiler determines the names that components have in common; default this
@@ -200,9 +199,8 @@ class SystemCode:
         toolchain = find_toolchain(platform or host())
         for part in linked:
             own = part.sources()
-            with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-                write(Path(tmp), own)
-                names = part.names(Path(tmp) / part.name, toolchain, cache)
+            with safe_files.scratch_files(own) as folder:
+                names = part.names(folder / part.name, toolchain)
             files |= own | part.wrappers(names, _exchange_calls(part) if part in integrated else ())
         return dict(sorted(files.items()))
 
@@ -324,13 +322,7 @@ class SystemCode:
                 " a system does not pass on to parameters: set the parameter instead, and take this connection out"
             )
         ends = [
-            [
-                self.schedule.components.index(m),
-                _kind(self.parts[m].version, v.fmi_type),
-                v.reference,
-                v.size,
-                v.index,
-            ]
+            [self.schedule.components.index(m), _kind(self.parts[m].version, v.fmi_type), v.reference, v.size, v.index]
             for m, v in ((c.source, c.output), (c.target, c.input))
         ]
         low, high = c.input.limits
@@ -558,13 +550,6 @@ def _starts(component: SystemComponent, version: int) -> list[_Start]:
 def _kind(version: int, fmi_type: str) -> str:
     kind = _ENUMERATION[version] if fmi_type == "Enumeration" else _KINDS.get(fmi_type, fmi_type.upper())
     return f"KIND_{kind}"
-
-
-def write(folder: Path, files: dict[str, bytes]) -> None:
-    """Files by their paths below a folder."""
-    for name, data in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
 
 
 def template(name: str) -> jinja2.Template:

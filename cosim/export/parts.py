@@ -93,9 +93,9 @@ class Part:
             files[own] += f"{declared}extern {table};\n{table} = {{{listed}}};\n".encode()
         return files
 
-    def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
+    def names(self, folder: Path, toolchain: Toolchain) -> list[str]:
         """Names that its sources define for each other, but for the functions of FMI; `folder` holds its sources."""
-        return defined_names(folder, self.c_files, [folder], toolchain, cache)
+        return defined_names(folder, self.c_files, [folder], toolchain)
 
 
 def prefix_of(name: str) -> str:
@@ -124,11 +124,9 @@ def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[st
     return files
 
 
-def defined_names(
-    folder: Path, c_files: Sequence[str], include: Sequence[Path], toolchain: Toolchain, cache: ObjectCache
-) -> list[str]:
+def defined_names(folder: Path, c_files: Sequence[str], include: Sequence[Path], toolchain: Toolchain) -> list[str]:
     """Names that C files define for each other, but for the functions of FMI."""
-    objects = [cache.object(toolchain, folder / name, include) for name in c_files]
+    objects = [ObjectCache.of_user().object(toolchain, folder / name, include) for name in c_files]
     return sorted(n for path in objects for n in defined(path) if not _FMI.fullmatch(n))
 
 

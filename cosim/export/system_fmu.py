@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -19,7 +18,7 @@ from build_fmus.icon import icon_png
 from cosim.core.errors import CosimError
 from cosim.engine.loops import RepeatedStep
 from cosim.export import description_xml
-from cosim.export.code import SystemCode, template, write
+from cosim.export.code import SystemCode, template
 from cosim.export.parts import shown
 from cosim.export.variables import choose
 from cosim.system.components import SystemComponent
@@ -101,22 +100,19 @@ class _Exporter:
     def archive(self, platforms: Sequence[Platform]) -> bytes:
         self._check_platforms(platforms)
         carried = [p for p in self.distinct if not p.linked]
-        cache = ObjectCache.of_user("export")
-        files = self.code.files(cache, platforms[0].name if platforms else "")
+        files = self.code.files(platforms[0].name if platforms else "")
         c_files = self.code.c_files(files)
         token = self._token(files)
         files["plan.c"] = self.code.plan_c(token).encode()
         content = {f"sources/{name}": data for name, data in files.items()}
         content["modelDescription.xml"] = self._description(token, c_files)
-        with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-            write(Path(tmp), files)
-            paths = [Path(tmp) / n for n in c_files]
+        with safe_files.scratch_files(files) as folder:
+            paths, cache = [folder / n for n in c_files], ObjectCache.of_user()
             compilers = {}
-            for platform in platforms:
-                folder = platform.fmi2_name if self.fmi == 2 else platform.name
-                path = f"binaries/{folder}/{self.name}{platform.suffix}"
-                compilers[path] = find_toolchain(platform.name)
-                library = cache.library(compilers[path], paths, [Path(tmp)], self.name, loads=bool(carried))
+            for p in platforms:
+                path = f"binaries/{p.fmi2_name if self.fmi == 2 else p.name}/{self.name}{p.suffix}"
+                compilers[path] = find_toolchain(p.name)
+                library = cache.library(compilers[path], paths, [folder], self.name, loads=bool(carried))
                 content[path] = library.read_bytes()
         for part in self.distinct:
             content |= {f"resources/{n}": d for n, d in part.resource_files().items()}

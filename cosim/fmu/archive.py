@@ -24,9 +24,8 @@ DESCRIPTION = "modelDescription.xml"
 ENTRY = 128  # bytes of an archive's directory for one file, name included, on average
 LARGEST_RATIO = 100  # of unpacked to packed bytes; text compresses by 10 to 30, a bomb by 1000 and more
 
-_END = struct.Struct(
-    "<12xI6x"
-)  # of an archive: the size of its directory; the same beyond 4 GB, and the bytes between the two
+# of an archive: the size of its directory; the same beyond 4 GB, and the bytes between the two
+_END = struct.Struct("<12xI6x")
 _WIDE_END = struct.Struct("<40xQ8x")
 _LOCATOR = 20
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # of compression, those that FMI allows

@@ -12,10 +12,7 @@ import numpy as np
 import cosim.fmu.calls as fmi
 from cosim.core.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer, is_whole
 from cosim.core.description import TEXTS, Variable
-from cosim.core.errors import (
-    CosimError,
-    FmuError,
-)
+from cosim.core.errors import CosimError, FmuError
 from cosim.core.time import seconds_text
 from cosim.fmu.exact_values import ExactCall
 from cosim.fmu.instance import FmuInstance

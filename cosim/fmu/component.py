@@ -17,14 +17,7 @@ import cosim.fmu.calls as fmi
 from cosim.core.component import Array
 from cosim.core.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.core.description import Variable
-from cosim.core.errors import (
-    STATUS_NAMES,
-    CallFailed,
-    CosimError,
-    FmuError,
-    FmuWarning,
-    IsolationCrashed,
-)
+from cosim.core.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, FmuWarning, IsolationCrashed
 from cosim.fmu.bound_instance import BoundInstance
 from cosim.fmu.clocked_steps import ClockedSteps, returns_early
 from cosim.fmu.environment import restorer

@@ -40,7 +40,7 @@ def restorer() -> Callable[[], int]:
     try:
         ffi.cdef("uint32_t cosim_environment_bits(void); uint32_t cosim_environment_restore(uint32_t before);")
         ffi.cdef("void cosim_guard_exit(const char *text);")
-        path = ObjectCache.of_user("engine").library(find_toolchain(host()), [_SOURCE], [HEADER.parent], "environment")
+        path = ObjectCache.of_user().library(find_toolchain(host()), [_SOURCE], [HEADER.parent], "environment")
         own = ffi.dlopen(str(path))
         before = own.cosim_environment_bits()
         _guard_exit(ffi, own)

@@ -40,7 +40,6 @@ class Signals:
     def __init__(
         self, chosen: Sequence[tuple[SystemComponent, Variable]], ranges: Sequence[tuple[float, float] | None]
     ):
-        self.pairs = list(chosen)
         self.names = [f"{m.name}.{v.name}" for m, v in chosen]
         self.units = {n: v.unit_name for n, (_, v) in zip(self.names, chosen, strict=True)}
         self.ranges = dict(zip(self.names, ranges, strict=True))

@@ -195,9 +195,8 @@ def sampled_model(
             raise CosimError(f"{c} is extrapolated: the sampled model knows values that are held; connect without it")
     length = int(period / schedule.tick)
     latest = max([not_before, *(m.offset for m in schedule.components)])
-    begin = (
-        max(1, -(-latest // period)) * length
-    )  # a first sample is special: calculated start states follow its inputs
+    # a first sample is special: calculated start states follow its inputs
+    begin = max(1, -(-latest // period)) * length
     exchange.run_instants_to(begin)
     real = [c for c in schedule.connections if c.output.type == c.input.type == "real"]
     ports = {
@@ -308,9 +307,8 @@ class _Period:
         self._out = [layout.readable[name_of(s)] for s in outputs]
         self._inputs, self._outputs = [name_of(s) for s in inputs], [name_of(s) for s in outputs]
         self._components = list(linearized_components.values())
-        self._parts: list[
-            tuple[Array, list[str], bool]
-        ] = []  # an array of states, their names, whether they are held values
+        # an array of states, their names, whether they are held values
+        self._parts: list[tuple[Array, list[str], bool]] = []
         for m, linearized in linearized_components.items():
             self._parts.append((linearized.implementation.x, names[m], False))  # type: ignore[attr-defined]
         for m, linearized in linearized_components.items():

@@ -6,7 +6,7 @@ cross.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -168,13 +168,9 @@ def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[SystemCompo
         ),
     )
     fed = {b.target for b in all_bundles if b.source in continuous and b.target.discrete}
-    leads_back = {b.source for b in all_bundles if b.target in continuous}
-    last = [m for m in schedule.discrete if m in fed and m not in leads_back and not _feeds(m, all_bundles)]
+    sources = {b.source for b in all_bundles}
+    last = [m for m in schedule.discrete if m in fed and m not in sources]
     return [*(m for m in schedule.discrete if m not in last), *continuous, *last]
-
-
-def _feeds(m: SystemComponent, all_bundles: Sequence[Bundle]) -> bool:
-    return any(b.source is m for b in all_bundles)
 
 
 def _middle(m: SystemComponent, place: dict[SystemComponent, float], all_bundles: Sequence[Bundle]) -> float:
@@ -209,12 +205,11 @@ def _lines(
     column_of: dict[SystemComponent, int],
     leaving: dict[SystemComponent, list[Bundle]],
     coming: dict[SystemComponent, list[Bundle]],
-    way: object,
+    way: Callable[[Bundle], str],
     top: float,
     bottom: float,
 ) -> list[Line]:
     """The way of each bundle: out at the right of its source, in at the left of its target."""
-    assert callable(way)
     out_at: dict[Bundle, float] = {}
     in_at: dict[Bundle, float] = {}
     for m, box in boxes.items():

@@ -169,15 +169,15 @@ def typed(values: Array, kind: str | None) -> np.ndarray[Any, Any]:
     return values.astype(_TYPES[kind])
 
 
-def _gathered(time: Any, found: Sequence[tuple[str, Any, str]], kinds: Mapping[str, str] | None = None) -> Content:
+def _gathered(time: Any, found: Sequence[tuple[str, Any, str]]) -> Content:
     """A content from columns of whatever type."""
     names = [name for name, _, _ in found]
     data = np.empty((len(time), len(names)), order="F")
-    types = dict(kinds or {})
+    types: dict[str, str] = {}
     for i, (name, values, _) in enumerate(found):
         kind = np.asarray(values).dtype.kind
         if kind in "bui":
-            types.setdefault(name, "boolean" if kind == "b" else "integer")
+            types[name] = "boolean" if kind == "b" else "integer"
         elif kind != "f":
             raise FormatError(f"'{name}' holds no numbers")
         data[:, i] = values

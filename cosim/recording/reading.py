@@ -10,7 +10,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -46,8 +45,8 @@ def read_apart(path: Path, program: str) -> dict[str, Any]:
         NotRead: with what the library says of the file, or how its process ended.
     """
     seconds = SECONDS + _RATE * path.stat().st_size
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as folder, safe_files.named(folder):
-        command = [*PYTHON, "-c", program, str(path.resolve()), folder, str(seconds), str(os.getpid())]
+    with safe_files.scratch_files({}) as folder:
+        command = [*PYTHON, "-c", program, str(path.resolve()), str(folder), str(seconds), str(os.getpid())]
         null = subprocess.DEVNULL
         process = subprocess.Popen(command, stdin=null, stdout=null, stderr=null, env=environment())
         try:
@@ -57,7 +56,7 @@ def read_apart(path: Path, program: str) -> dict[str, Any]:
         finally:
             process.kill()
             process.wait()
-        return _answer(Path(folder), code, seconds)
+        return _answer(folder, code, seconds)
 
 
 def _answer(folder: Path, code: int | None, seconds: float) -> dict[str, Any]:

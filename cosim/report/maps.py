@@ -14,7 +14,7 @@ from build_fmus.base import escape
 from cosim.core.content_checks import Array, assign, check_id, check_text, check_unique, curve, items, split_label
 
 _REFERENCE = "#d55e00"
-_INK, _FONT = "#1a2330", "'Helvetica Neue', Helvetica, Arial, sans-serif"
+INK, FONT = "#1a2330", "'Helvetica Neue', Helvetica, Arial, sans-serif"
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ def _base(height: int) -> dict[str, Any]:
         "height": height,
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
-        "font": {"family": _FONT, "size": 13, "color": _INK},
+        "font": {"family": FONT, "size": 13, "color": INK},
         "separators": ".\u202f",
         "annotations": [],
     }
@@ -172,17 +172,11 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
         layout[f"yaxis{name}"] = {**axis, "title": {"text": escape.html(figure.y_label)}, "anchor": f"x{name}"}
         layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top], **down_labels}
-        layout["annotations"].append(
-            {
-                "text": f"<b>{escape.html(layer.name)}</b>",
-                "x": left,
-                "y": top,
-                "xref": "paper",
-                "yref": "paper",
-                "xanchor": "left",
-                "yanchor": "bottom",
-                "yshift": 5,
-                "showarrow": False,
-            }
-        )
+        layout["annotations"].append(panel_title(layer.name, left, top, yshift=5))
     return traces, layout
+
+
+def panel_title(text: str, x: float, y: float, **more: Any) -> dict[str, Any]:
+    """The annotation above the upper left corner (x, y) of a panel."""
+    place = {"x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+    return {"text": f"<b>{escape.html(text)}</b>", **place, "showarrow": False, **more}

@@ -14,6 +14,7 @@ import numpy as np
 
 from build_fmus.base import escape, extras
 from cosim.core.content_checks import UNKNOWN, Array, drawn_label, label_of, split_label
+from cosim.report.maps import FONT, INK, panel_title
 from cosim.report.model import Color, Dash, Figure, Panel, Series
 
 with extras.needed("reports", extras.WRITING):
@@ -34,7 +35,7 @@ DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
 PATTERNS: dict[str, str] = {"solid": "", "dash": "/", "dashdot": "\\", "longdash": "-", "dot": "."}  # of bars
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
 
-INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
+MUTED, RULE, GRID, PAPER = "#55606e", "#aab3be", "#e7eaee", "#ffffff"
 _TICK = 12  # characters of a line below a bar: four bars fit a phone
 _ON_DARK = {
     **dict(
@@ -50,7 +51,6 @@ _ON_DARK = {
     GRID: "#2a323d",
     PAPER: "#12171e",
 }
-FONT = "'Helvetica Neue', Helvetica, Arial, sans-serif"
 
 # Pixels. Heights are absolute, so a figure looks the same with one panel or six.
 PANEL_HEIGHT = {1: 320, 2: 240}
@@ -259,20 +259,8 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
             "anchor": _axis("x", i + 1),
         }
         if panel.title:
-            layout["annotations"].append(
-                {
-                    "text": f"<b>{escape.html(panel.title)}</b>",
-                    "x": left,
-                    "y": top,
-                    "xref": "paper",
-                    "yref": "paper",
-                    "xanchor": "left",
-                    "yanchor": "bottom",
-                    "yshift": 3,
-                    "showarrow": False,
-                    "font": {"size": 12 if narrow else 13},
-                }
-            )
+            font = {"size": 12 if narrow else 13}
+            layout["annotations"].append(panel_title(panel.title, left, top, yshift=3, font=font))
     return layout
 
 

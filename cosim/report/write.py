@@ -32,7 +32,7 @@ from cosim.report.claims import Claim, Verdict
 from cosim.report.maps import Map, map_plot
 from cosim.report.model import Figure, Report, Table
 from cosim.report.plots import Palette, dark_colors, placed_columns, plotly_figure, series_columns
-from cosim.scenes.scene import SCENE_SCRIPT, SCENE_STYLE
+from cosim.scenes.scene import scene_script, scene_style
 
 with extras.needed("reports", extras.WRITING):
     import jinja2
@@ -99,25 +99,7 @@ def summary(report: Report) -> dict[str, Any]:
         "verdicts": counts.verdicts,
         "checks_total": counts.checks,
         "checks_held": counts.checks_held,
-        "claims": [
-            {
-                "id": c.id,
-                "claim": c.claim,
-                "published": c.published,
-                "result": shown(c),
-                "value": c.value,
-                "unit": c.unit,
-                "verdict": c.verdict,
-                "own": c.own,
-                "criterion": c.criterion,
-                "fitted": c.fitted,
-                "reason": c.reason,
-                "source": c.source,
-                "share": c.share,
-                "conditions": [asdict(part) for part in c.conditions],
-            }
-            for c in report.claims
-        ],
+        "claims": [asdict(c) | {"result": shown(c), "own": c.own} for c in report.claims],
         "results": {r.name: {"value": r.value, "unit": r.unit} for r in report.results},
         "tables": {
             t.id: {"title": t.title, "columns": t.columns, "rows": t.rows, "csv": table_csv(t.id)}
@@ -138,8 +120,8 @@ def render(report: Report) -> str:
     style = _asset("report.css")
     motions = {a.id: Packed.json(animation_data(a)) for a in report.animations}
     if motions:
-        scripts.append(_script(f"{SCENE_SCRIPT.read_text(encoding='utf-8')}\n{_asset('animation.js')}"))
-        style += SCENE_STYLE.read_text(encoding="utf-8") + _asset("animation.css")
+        scripts.append(_script(f"{scene_script()}\n{_asset('animation.js')}"))
+        style += scene_style() + _asset("animation.css")
     if plots or motions:
         inflate = _asset("tiny-inflate.js", "third_party")  # made for Node.js: a module
         inflate = f"const inflate = ((module) => {{\n{inflate}\nreturn module.exports; }})({{}});"

@@ -245,8 +245,7 @@ def _reliefs(found: Found) -> list[Relief]:
     return [] if shape == _TRENCH else [Relief([(0.0, 0.0)])]
 
 
-# ------------------------------------------------------------------------------------------------- what controllers
-# show
+# ------------------------------------------------------------------------------------------------ what controllers show
 
 
 _USED = "preview.used"  # beyond the first
@@ -379,8 +378,7 @@ def _readings(found: Found) -> list[Reading]:
     return [r for r in readings if unique[r.label] is r]
 
 
-# ---------------------------------------------------------------------------------------------------------- quarter
-# cars
+# --------------------------------------------------------------------------------------------------------- quarter cars
 
 
 def _quarter(found: Found) -> Scene:
@@ -453,8 +451,7 @@ def _squash(found: Found, rest: float) -> Value:
     return (found.given("road.height") or Value()) + found.output("wheel.z", -1.0, rest)
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# pieces
+# --------------------------------------------------------------------------------------------------------------- pieces
 
 
 def _round_up(number: float) -> float:

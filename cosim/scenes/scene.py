@@ -3,7 +3,7 @@
 A `Scene` is the live cousin of `cosim.report`'s `Animation`: nothing in it is recorded, every moving quantity is
 a `Value`, which the page computes from the system's variables at each frame. One description serves all views:
 it is in three dimensions, SI units, axes of ISO 8855 (x ahead along the road, y to the left, z up; roll positive left
-side up, pitch positive nose down, yaw positive to the left). `assets/scene.js` draws it; `scene_data` is what
+side up, pitch positive nose down, yaw positive to the left). `scene_script` draws it; `scene_data` is what
 that reads.
 """
 
@@ -29,8 +29,8 @@ TraceRole = Literal["ground", "wheel", "body"]
 View = Literal["side", "three-quarter", "rear", "chase", "top"]
 T = TypeVar("T")
 
-SCENE_SCRIPT, SCENE_STYLE = (Path(__file__).parent / "assets" / name for name in ("scene.js", "scene.css"))
-"""Where the class `SceneView`, which draws a scene on a canvas, is, and its colors."""
+_ASSETS = Path(__file__).parent / "assets"
+_SCRIPTS = ("faces.js", "camera.js", "road.js", "bodies.js", "scene.js")  # each extends the class of the one before
 VIEWS: tuple[View, ...] = ("side", "three-quarter", "rear")
 """Those of a scene, unless it has its own."""
 _FLAT = 1e-3  # m, how far a point of a face may lie from its plane
@@ -101,8 +101,7 @@ def value(quantity: Quantity) -> Value:
     return Value({quantity: 1.0}) if isinstance(quantity, str) else Value(offset=quantity)
 
 
-# -----------------------------------------------------------------------------------------------------------------
-# parts
+# ---------------------------------------------------------------------------------------------------------------- parts
 
 
 @dataclass(frozen=True)
@@ -480,8 +479,17 @@ _PARTS: dict[str, Any] = {
 }
 
 
-# ------------------------------------------------------------------------------------------------------------------
-# data
+# ----------------------------------------------------------------------------------------------------------------- data
+
+
+def scene_script() -> str:
+    """The script with the class `SceneView`, which draws a scene on a canvas."""
+    return "".join((_ASSETS / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+
+
+def scene_style() -> str:
+    """The style sheet with the colors of scenes."""
+    return (_ASSETS / "scene.css").read_text(encoding="utf-8")
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -538,8 +546,7 @@ def _fields(part: Any) -> Iterator[tuple[str, Any]]:
     return ((f.name, getattr(part, f.name)) for f in fields(part))
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# checks
+# --------------------------------------------------------------------------------------------------------------- checks
 
 
 def _label(part: Any) -> str:

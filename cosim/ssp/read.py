@@ -229,9 +229,8 @@ class _Reader:
             for name, value in self.applied(path, signals, given).items():
                 with self.named_in(f"component '{'.'.join(path)}', parameter '{one_line(name, 80)}'"):
                     each = component.expand(name, value)
-                    component.set(
-                        {n: v for n, v in each.items() if n not in c.initial}
-                    )  # those are for tools that step first
+                    # initial values are for tools that step first
+                    component.set({n: v for n, v in each.items() if n not in c.initial})
 
     def applied(self, path: tuple[str, ...], signals: Signals, given: Mapping[Place, BoundValue]) -> dict[str, Any]:
         """Values by the names of an FMU's variables.

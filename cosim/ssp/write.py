@@ -5,7 +5,6 @@ The same system gives the same bytes.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -145,13 +144,9 @@ def open_inputs(schedule: Schedule, patterns: Iterable[str]) -> list[str]:
 def identifiers(texts: Iterable[str]) -> dict[str, str]:
     """An identifier for each text, its own where it is one already; no two are the same."""
     found: dict[str, str] = {}
-    for text in sorted(texts, key=lambda t: (not _is_identifier(t), t)):
+    for text in sorted(texts, key=lambda t: (not (t.isascii() and t.isidentifier()), t)):
         found[text] = escape.c_identifier(text, found.values())
     return found
-
-
-def _is_identifier(text: str) -> bool:
-    return re.fullmatch(r"[A-Za-z_]\w*", text, re.ASCII) is not None
 
 
 @dataclass(frozen=True, eq=False)

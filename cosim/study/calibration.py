@@ -40,10 +40,8 @@ Range = tuple[float, float, float]
 VAGUE = 0.5  # relative standard deviation beyond which the data do not tell a parameter
 CORRELATED = 0.95  # correlation beyond which the data tell a combination of two parameters, and hardly either
 CONFIDENCE = 0.95
-STEPS = (
-    1e-2,
-    1e-4,
-)  # of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
+# of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
+STEPS = (1e-2, 1e-4)
 
 
 class CalibrationError(CosimError, ValueError):

@@ -147,9 +147,7 @@ def _results(case: Sequence[click.Option]) -> list[click.Option]:
             help="plot this recorded variable, such as car.body.az, or a pattern, in the terminal (repeatable)",
         ),
         click.Option(
-            ["--bars"],
-            is_flag=True,
-            help="draw the metrics as bars in the terminal, next to those of the baseline",
+            ["--bars"], is_flag=True, help="draw the metrics as bars in the terminal, next to those of the baseline"
         ),
     ]
 

@@ -115,9 +115,8 @@ class Axis:
         if self.kind == "uniform" and self.whole:
             first, last = self.ends
             count = last - first + 1
-            numbers = np.floor(
-                np.nextafter(u * count, np.inf)
-            )  # the level 3/7 of 7 numbers is the fourth, however it was rounded
+            # the level 3/7 of 7 numbers is the fourth, however it was rounded
+            numbers = np.floor(np.nextafter(u * count, np.inf))
             return [first + min(int(x), count - 1) for x in numbers]
         if self.kind == "uniform":
             found = n[0] + u * (n[1] - n[0])

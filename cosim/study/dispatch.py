@@ -48,8 +48,8 @@ class Dispatch:
     """Tasks of one study on their way.
 
     Args:
-        ship: what goes with every chunk.
-        given: a task by its number, as it travels.
+        job: what goes with every chunk.
+        task_spec: a task by its number, as it travels.
         cost: its rough relative time.
         width: how many workers an executor has.
         beside: the group of a task, "" for none; a chunk holds tasks of one group, if runs are made in lanes.

@@ -134,9 +134,8 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """
     if address != LOCAL and not _ADDRESS.fullmatch(address):
         raise ClusterError(
-            f"{address!r} is not an address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints"
-            " it, or"
-            f" {LOCAL}"
+            f"{address!r} is not an address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it,"
+            f" or {LOCAL}"
         )
     with extras.needed("cluster", "a Dask cluster"):
         from distributed import Client
@@ -149,9 +148,8 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
 
     logging.getLogger("distributed.client").addFilter(_tells_something)
     settings = {
-        "distributed.scheduler.allowed-failures": (
-            0
-        ),  # of our own cluster: who tries again, and how often, is the study's
+        # of our own cluster: who tries again, and how often, is the study's
+        "distributed.scheduler.allowed-failures": 0,
         "distributed.worker.daemon": False,  # isolated FMUs are processes of the workers
         "distributed.comm.timeouts.connect": f"{ANSWER:g}s",
         "distributed.admin.low-level-log-length": 100,

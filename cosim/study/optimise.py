@@ -327,9 +327,8 @@ def _trials(study: Any) -> list[Trial]:
     came = study.user_attrs
     found = []
     for frozen in study.get_trials(deepcopy=False):
-        told = came.get(
-            _attribute(frozen.number), frozen.user_attrs
-        )  # of the trial: as storages of earlier versions have it
+        # of the trial: as storages of earlier versions have it
+        told = came.get(_attribute(frozen.number), frozen.user_attrs)
         found.append(Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", "")))
     return found
 
@@ -348,9 +347,8 @@ def _study(
         study = optuna.create_study(storage=kept, study_name=name, directions=directions, load_if_exists=True)
         empty = not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False))
         if kept is not None and empty and study.user_attrs.get("what") not in (None, what):
-            optuna.delete_study(
-                storage=kept, study_name=name
-            )  # nothing was found: an objective's name was wrong, most likely
+            # nothing was found: an objective's name was wrong, most likely
+            optuna.delete_study(storage=kept, study_name=name)
             study = optuna.create_study(storage=kept, study_name=name, directions=directions)
     except (ValueError, KeyError, TypeError) as error:
         raise OptimisationError(f"{storage} cannot be read as the trials of a search: {error}") from None
@@ -384,10 +382,7 @@ def _opened(path: Path) -> Any:
 
 
 def check_search(
-    space: Mapping[str, Limits],
-    objectives: Mapping[str, str],
-    evaluate: Any,
-    first: Sequence[Values],
+    space: Mapping[str, Limits], objectives: Mapping[str, str], evaluate: Any, first: Sequence[Values]
 ) -> None:
     """Refuse a search that cannot be made.
 

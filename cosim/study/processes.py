@@ -51,9 +51,8 @@ def local_processes(count: int) -> Iterator[Executor]:
     one_thread()
     afresh = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(afresh)
-    context.set_forkserver_preload(
-        ["suspension_fmus", "cosim.study.work"]
-    )  # the first makes `cosim` ours, beside another one
+    # the first makes `cosim` ours, beside another one
+    context.set_forkserver_preload(["suspension_fmus", "cosim.study.work"])
     scratch = tempfile.mkdtemp(dir=safe_files.scratch())
     executor = _Processes(count, context, scratch)
     try:

@@ -39,12 +39,8 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
-SAMPLED = (
-    "random",
-    "lhs",
-    "sobol",
-    "halton",
-)  # methods whose points are random samples, independent or spread more evenly
+# methods whose points are random samples, independent or spread more evenly
+SAMPLED = ("random", "lhs", "sobol", "halton")
 WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
@@ -223,8 +219,7 @@ def _thinned(values: Array) -> Any:
     return np.union1d(chosen, fine[[values[fine].argmin(), values[fine].argmax()]]) if len(fine) else chosen
 
 
-# ---------------------------------------------------------------------------------------------------------------
-# scatter
+# -------------------------------------------------------------------------------------------------------------- scatter
 
 
 def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Section:
@@ -294,8 +289,7 @@ def _scaled(values: Array) -> Array:
     return (values - low) / (high - low) if high > low else np.where(np.isfinite(values), 0.5, np.nan)
 
 
-# -----------------------------------------------------------------------------------------------------------
-# sensitivity
+# ---------------------------------------------------------------------------------------------------------- sensitivity
 
 
 def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes | None = None) -> Section:
@@ -347,11 +341,7 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlo
 
 
 def _with_local(
-    columns: list[str],
-    rows: list[list[Scalar]],
-    table: SweepTable,
-    drawn: Mapping[str, Metric],
-    local: LocalSlopes,
+    columns: list[str], rows: list[list[Scalar]], table: SweepTable, drawn: Mapping[str, Metric], local: LocalSlopes
 ) -> list[Table]:
     """The sensitivities with columns of local derivatives, and correlations of metrics."""
     row, slopes = local.slopes.row, local.slopes.slopes
@@ -381,8 +371,7 @@ def _with_local(
     ]
 
 
-# ----------------------------------------------------------------------------------------------------------- worst
-# cases
+# ---------------------------------------------------------------------------------------------------------- worst cases
 
 
 def _worst(

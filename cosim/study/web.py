@@ -62,9 +62,8 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
         shown = []
         recorded: dict[str, None] = {}  # names of outputs
         for each in live.cases:
-            runner = open_.enter_context(
-                Runner(experiment, fmus)
-            )  # one each: cases alike share a system, and its values
+            # one each: cases alike share a system, and its values
+            runner = open_.enter_context(Runner(experiment, fmus))
             system = runner.system(each.case)
             scene = infer_scene(system)
             if scene is not None and each.staged is not None:

@@ -186,8 +186,7 @@ def _entry(job: JobContext, experiment: Experiment, fmus: FmuSet, name: str, tas
     return {"found": task(_runner(experiment, getattr(task, "part", ""), job, fmus))}
 
 
-# ---------------------------------------------------------------------------------------------- FMUs that have
-# traveled
+# ---------------------------------------------------------------------------------------------- FMUs that have traveled
 
 
 def _places(hashes: Mapping[str, str], contents: Mapping[str, bytes]) -> tuple[dict[str, str], list[str]]:

@@ -83,11 +83,7 @@ class Schedule:
             lines += [f"     {c}" for c in self.lagging]
         for loop in self.loops:
             unknowns = ", ".join(f"{m.name}.{v.name}" for m, v in loop.unknowns)
-            lines += [
-                "",
-                f"Algebraic loop, solved for {unknowns} at each exchange:",
-                str(loop),
-            ]
+            lines += ["", f"Algebraic loop, solved for {unknowns} at each exchange:", str(loop)]
         for loop in self.initial_loops:
             unknowns = ", ".join(f"{m.name}.{v.name}" for m, v in loop.unknowns)
             lines += ["", f"Algebraic loop, solved for {unknowns} in initialization only:", str(loop)]

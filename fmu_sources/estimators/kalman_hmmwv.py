@@ -155,8 +155,7 @@ def kalman_hmmwv(
     road, road_valid = _road_inputs(c)
     used = ca.logic_and(use_road > 0.5, road_valid)
 
-    # ------------------------------------------------------- the sample before, now that the road's rate over it is
-    # known
+    # ----------------------------------------------------- the sample before, now that the road's rate over it is known
 
     unknown, rest = filters
     m, n = unknown.model, len(RELATIVE_STATES)
@@ -196,8 +195,7 @@ def kalman_hmmwv(
     for state, value in {**updates, begun: 1}.items():
         c.update(state, value)
 
-    # ----------------------------------------------------------------- this sample, whose road's rate nobody knows as
-    # yet
+    # --------------------------------------------------------------- this sample, whose road's rate nobody knows as yet
 
     rows, root = whitened(unknown)
     gain_now, posterior_now = _sequential(spread, ca.DM(rows))

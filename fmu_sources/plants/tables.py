@@ -31,8 +31,7 @@ def linear_table(at: Any, row: Any, values: Any, *, beyond: bool) -> Any:
         if i < last - 1 or not beyond:
             reached = ca.fmin(row[i + 1] - row[i], reached)
         gap = row[i + 1] - row[i]
-        gap += (gap == 0) * (
-            row[last] - row[0]
-        )  # finite for rows that check_increasing refuses, so that they are refused by its message
+        # finite for rows that check_increasing refuses, so that they are refused by its message
+        gap += (gap == 0) * (row[last] - row[0])
         total += (values[i + 1] - values[i]) / gap * reached
     return total

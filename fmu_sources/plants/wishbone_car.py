@@ -220,9 +220,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         forward = ca.cos(heading) * body.ahead + ca.sin(heading) * body.left
         sideways = ca.cos(heading) * body.left - ca.sin(heading) * body.ahead
         against = turn.T @ normal  # body axes
-        below = (p.tire.radius - k.depth) * (
-            ca.dot(against, k.spindle) * k.spindle - against
-        )  # from the center to the contact
+        # from the center to the contact
+        below = (p.tire.radius - k.depth) * (ca.dot(against, k.spindle) * k.spindle - against)
         patch_d = k.center_d + ca.cross(k.turning, below)
         patch_rate = v + ca.cross(w, k.center + below) + patch_d * k.dq
         rolling = ca.dot(hub_velocity, forward)
@@ -363,8 +362,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     return c
 
 
-# ---------------------------------------------------------------------------------------------------- computed
-# parameters
+# -------------------------------------------------------------------------------------------------- computed parameters
 
 
 def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
@@ -585,9 +583,8 @@ def _inertia(k: Corner, p: Any) -> None:
         k.effective_d += 2 * m * ca.dot(d, dd)
         k.inertia += m * (ca.dot(r, r) * ca.SX.eye(3) - r @ r.T)
         k.inertia_d += m * (2 * ca.dot(r, d) * ca.SX.eye(3) - r @ d.T - d @ r.T)
-    own = p.upright.inertia + ca.vertcat(
-        p.wheel.tilt_inertia, 0, p.wheel.tilt_inertia
-    )  # the wheel turns on its axle by itself
+    # the wheel turns on its axle by itself
+    own = p.upright.inertia + ca.vertcat(p.wheel.tilt_inertia, 0, p.wheel.tilt_inertia)
     k.inertia += ca.diag(own)
     k.turn_d += own * k.turning
     k.turn_dd += own * k.turning_d
@@ -776,8 +773,7 @@ def _plane(corners: Corners, p: Any) -> _Plane:
     return _Plane((fl + fr) / 2 - slope * front[0], ca.atan(twist), -ca.atan(slope))
 
 
-# -----------------------------------------------------------------------------------------------------------
-# mathematics
+# ---------------------------------------------------------------------------------------------------------- mathematics
 
 
 def _solve(matrix: Any, right: Any) -> Any:

@@ -57,14 +57,7 @@ def node_heights(c: Component, table: HeightTable) -> Callable[[Any, str], Any]:
 
 
 def road_from_table(
-    table: HeightTable,
-    layout: RoadLayout,
-    name: str,
-    *,
-    description: str,
-    source: str,
-    notes: Iterable[str] = (),
-    reference_start: float | None = None,
+    table: HeightTable, layout: RoadLayout, name: str, *, description: str, source: str, notes: Iterable[str] = ()
 ) -> Component:
     """A road whose heights are the table's."""
     last = len(table.left) - 1
@@ -77,5 +70,5 @@ def road_from_table(
         source=source,
         symbols=ca.MX,
         notes=notes,
-        reference_start=table.start + last * table.step / 2 if reference_start is None else reference_start,
+        reference_start=table.start + last * table.step / 2,
     )

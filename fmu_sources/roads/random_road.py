@@ -12,15 +12,7 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.registration import component
-from fmu_sources.roads.iso8608 import (
-    CLASS_A,
-    DECAY,
-    HIGHEST,
-    LOWEST,
-    REFERENCE_WAVE_NUMBER,
-    STEP,
-    declare_class,
-)
+from fmu_sources.roads.iso8608 import CLASS_A, DECAY, HIGHEST, LOWEST, REFERENCE_WAVE_NUMBER, STEP, declare_class
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.road import Profile, road
 
@@ -122,8 +114,7 @@ def road_random(
             (
                 f"Left and right: cross spectrum / Gd = exp(-decay track n), here with a track of {layout.track:g} m;"
                 " long waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is"
-                " assumed."
-                " contact takes means over that length."
+                " assumed. contact takes means over that length."
             ),
             "The road is flat for the first flat meters, then grows over ramp meters, so that a run starts at rest.",
         ),

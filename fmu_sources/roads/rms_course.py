@@ -77,9 +77,8 @@ def course_heights(course: str, seed: int, track: float, *, alike: bool = True) 
     count = round(LENGTH / STEP)
     n = np.arange(1, count // 2) / LENGTH
     drawn = np.random.default_rng(seed).standard_normal((2, 2, len(n)))
-    first, second = np.sqrt(course_spectrum(course, n) / LENGTH) * (
-        drawn[0] + 1j * drawn[1]
-    )  # mean square 2 G dn, of both parts
+    # mean square 2 G dn, of both parts
+    first, second = np.sqrt(course_spectrum(course, n) / LENGTH) * (drawn[0] + 1j * drawn[1])
     shared = np.ones(len(n)) if alike else track_correlation(n, track)
     sides = (sum_of_waves(first), sum_of_waves(shared * first + np.sqrt(1 - shared**2) * second))
     left, right = (COURSES[course].rms / np.sqrt(np.mean(z**2)) * np.append(z, z[0]) for z in sides)

@@ -121,12 +121,7 @@ class MagicFormula:
         my = self._rolling_resistance(s, speed)
         part = load / known
         return Forces(
-            part * s.fx,
-            side * part * fy,
-            *self._relaxation(s, lateral),
-            side * part * mx,
-            part * my,
-            side * part * mz,
+            part * s.fx, side * part * fy, *self._relaxation(s, lateral), side * part * mx, part * my, side * part * mz
         )
 
     def parked(self, forces: Forces, load: Any, speed: Any, sliding_x: Any, sliding_y: Any) -> Forces:

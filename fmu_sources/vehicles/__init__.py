@@ -1,9 +1,12 @@
 """Vehicle files: parameter sets in TOML, each value with its unit and source.
 
-- `schema`: what a file must contain: fields, units, limits, descriptions
+- `quantities`: values, tables and heads of files
+- `schema`: what a vehicle's file must contain: fields, units, limits, descriptions
+- `devices`: the same of an actuator and of sensors
 - `loader`: files to vehicles, and vehicles to parameters of a component
 """
 
+from fmu_sources.vehicles.devices import Actuator, SensorSet
 from fmu_sources.vehicles.loader import (
     VehicleError,
     declare,
@@ -19,19 +22,8 @@ from fmu_sources.vehicles.loader import (
     vehicle_files,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import (
-    Actuator,
-    FullCar,
-    Numbers,
-    Quantity,
-    QuarterCar,
-    RideCar,
-    SensorSet,
-    ThreeAxleCar,
-    ThreeAxleTrenchCar,
-    Vehicle,
-    WishboneCar,
-)
+from fmu_sources.vehicles.quantities import Numbers, Quantity, Vehicle
+from fmu_sources.vehicles.schema import FullCar, QuarterCar, RideCar, ThreeAxleCar, ThreeAxleTrenchCar, WishboneCar
 
 __all__ = [
     "Actuator",

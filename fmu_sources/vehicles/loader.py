@@ -12,20 +12,16 @@ from pydantic import BaseModel, ValidationError
 
 from build_fmus.base.checks import did_you_mean, plain
 from build_fmus.component import Component
+from fmu_sources.vehicles.devices import Actuator, SensorSet
+from fmu_sources.vehicles.quantities import Numbers, Quantity, Section, Vehicle
 from fmu_sources.vehicles.schema import (
     KINDS,
-    Actuator,
     Axles,
     FullCar,
-    Numbers,
-    Quantity,
     QuarterCar,
     RideCar,
-    Section,
-    SensorSet,
     ThreeAxleCar,
     ThreeAxleTrenchCar,
-    Vehicle,
     WishboneCar,
 )
 

@@ -7,145 +7,18 @@ limits and description of a parameter are those of the field in the file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from build_fmus.base import units
-from build_fmus.component import source_fault, text_fault
 from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
 from fmu_sources.models.double_wishbone import POINTS, DoubleWishbone, HardpointError, WheelMotion, wheel_motion
 from fmu_sources.tires.tir_file import Tire, TireError, read_tire
-
-
-@dataclass(frozen=True)
-class Declared:
-    """Unit, limits, display unit and usual size of a field; the description stands in the pydantic field."""
-
-    unit: str
-    min: float
-    max: float
-    display_unit: str | None = None
-    nominal: float | None = None
-    size: int | None = None
-    increasing: bool = False
-
-
-class Quantity(BaseModel):
-    """One value of a vehicle file. `value` is in the unit of the field's declaration once the file is loaded."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    value: float = Field(allow_inf_nan=False)
-    unit: str
-    source: str
-
-    @field_validator("source")
-    @classmethod
-    def _is_one(cls, given: str) -> str:
-        if fault := source_fault(given):
-            raise PydanticCustomError("source", "{text}", {"text": fault})
-        return given
-
-
-class Numbers(BaseModel):
-    """Several values of one unit in a vehicle file: the coordinates of a point, or a row of a table."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    value: tuple[Annotated[float, Field(allow_inf_nan=False)], ...]
-    unit: str
-    source: str
-
-    _is_one = field_validator("source")(Quantity._is_one.__func__)  # type: ignore[attr-defined]
-
-
-def quantity(
-    unit: str,
-    min: float,
-    max: float,
-    description: str,
-    *,
-    display_unit: str | None = None,
-    nominal: float | None = None,
-    size: int | None = None,
-    increasing: bool = False,
-    default: float | tuple[float, ...] | None = None,
-) -> Any:
-    """Declare a field of type `Quantity` or `Numbers`.
-
-    `nominal` is for values that may well be 0. Of `Numbers`, `size`: how many (None: two at least); `increasing`: where
-    a table relies on it. `default`: of files without this field, in `unit`; None: every file has it.
-    """
-    declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
-    given: dict[str, Any] = {}
-    if default is not None:
-        kind = Numbers if isinstance(default, tuple) else Quantity
-        given["default"] = kind(value=default, unit=unit, source="assumed: not in the vehicle file")  # type: ignore[arg-type]
-    return Field(description=description, json_schema_extra={"declared": declared}, **given)  # type: ignore[dict-item]
-
-
-class Section(BaseModel):
-    """A table of a vehicle file. Unknown fields are refused; units are converted; limits are checked."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @classmethod
-    def declared(cls, field: str) -> Declared | None:
-        """Declaration of a quantity field, None for anything else."""
-        extra = cls.model_fields[field].json_schema_extra
-        return extra.get("declared") if isinstance(extra, dict) else None  # type: ignore[return-value]
-
-    @field_validator("*", mode="after")
-    @classmethod
-    def _in_declared_unit(cls, given: Any, info: ValidationInfo) -> Any:
-        if not isinstance(given, Quantity | Numbers):
-            return given
-        declared = cls.declared(info.field_name or "")
-        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity()"
-        if isinstance(given, Quantity):
-            return Quantity(
-                value=_converted(declared, given.value, given.unit), unit=declared.unit, source=given.source
-            )
-        values = tuple(_converted(declared, v, given.unit, f"value {i}: ") for i, v in enumerate(given.value, 1))
-        if fault := _row_fault(declared, values):
-            raise PydanticCustomError("row", "{text}", {"text": fault})
-        return Numbers(value=values, unit=declared.unit, source=given.source)
-
-
-def _converted(declared: Declared, given: float, unit: str, where: str = "") -> float:
-    """A value of a file in the declared unit; what is wrong with it as a pydantic error."""
-    try:
-        value = units.convert(given, unit, declared.unit)
-    except KeyError as error:
-        raise PydanticCustomError("unit", "{text}", {"text": error.args[0]}) from None
-    if not declared.min <= value <= declared.max:
-        word, bound = ("least", declared.min) if value < declared.min else ("most", declared.max)
-        text = f"{where}{given:g} {unit} is out of range: it must be at {word} {bound:g} {declared.unit}"
-        raise PydanticCustomError("limit", "{text}", {"text": text})
-    return value
-
-
-def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
-    """What is wrong with the values of a row together; empty when nothing is."""
-    if declared.size is not None and len(values) != declared.size:
-        return f"{len(values)} values; {declared.size} are needed"
-    if len(values) < 2:
-        return f"{len(values)} value(s); two at least are needed"
-    if declared.increasing:
-        for i, (before, after) in enumerate(pairwise(values), 1):
-            if after <= before:
-                return (
-                    f"value {i + 1} is {after:g} {declared.unit} after {before:g} {declared.unit}; the values of this"
-                    " row must increase"
-                )
-    return ""
-
+from fmu_sources.vehicles.devices import Actuator, SensorSet
+from fmu_sources.vehicles.quantities import Numbers, Quantity, Section, Vehicle, quantity
 
 _S = TypeVar("_S", bound=Section)
 
@@ -175,21 +48,6 @@ class ThreeAxles(Axles, Generic[_S]):
     a1: _S
     a2: _S
     a3: _S
-
-
-class Vehicle(Section):
-    """Head of every vehicle file."""
-
-    kind: str
-    name: str = Field(min_length=1)
-    description: str = Field(min_length=1)
-
-    @field_validator("name", "description")
-    @classmethod
-    def _can_be_held(cls, given: str) -> str:
-        if fault := text_fault(given):
-            raise PydanticCustomError("source", "{text}", {"text": fault})
-        return given
 
 
 class _Seat(Section):
@@ -760,118 +618,6 @@ class WishboneCar(Vehicle):
         given = getattr(self.suspension, axle)
         forward, left, _ = given.points.wheel_centre.value
         return given.reference.value + forward - self.body.com_x.value, left
-
-
-# ------------------------------------------------------------------------------------------------------------- actuator
-
-
-class _Cylinder(Section):
-    area: Quantity = quantity("m2", 1e-6, 1.0, "piston area")
-    volume: Quantity = quantity("m3", 1e-6, 1.0, "volume of both cylinder chambers", display_unit="l")
-    leakage: Quantity = quantity("m5/(N.s)", 0.0, 1e-8, "leakage flow past the piston per load pressure", nominal=1e-11)
-
-
-class _Fluid(Section):
-    density: Quantity = quantity("kg/m3", 100.0, 1e4, "density of the fluid")
-    bulk_modulus: Quantity = quantity("Pa", 1e6, 1e11, "effective bulk modulus of the fluid", display_unit="MPa")
-
-
-class _Supply(Section):
-    pressure: Quantity = quantity(
-        "Pa", 1e5, 1e9, "supply pressure of the running pump", display_unit="bar", nominal=1e7
-    )
-    flow_limit: Quantity = quantity(
-        "m3/s", 1e-7, 1.0, "largest flow of the pump, where supply.limited", display_unit="l/min"
-    )
-
-
-class _Valve(Section):
-    discharge: Quantity = quantity("1", 0.01, 1.0, "discharge coefficient of the spool valve")
-    width: Quantity = quantity("m", 1e-5, 1.0, "area gradient of the spool valve", display_unit="mm")
-    time_constant: Quantity = quantity("s", 1e-5, 1.0, "time constant of the spool", display_unit="ms")
-    gain: Quantity = quantity("V/m", 1.0, 1e7, "voltage per spool position")
-    max_voltage: Quantity = quantity("V", 0.1, 1e3, "voltage at which the valve saturates")
-    null_opening: Quantity = quantity(
-        "m", 0.0, 0.1, "where the spool rests when the pump is off", display_unit="mm", nominal=1e-3
-    )
-    smoothing: Quantity = quantity(
-        "Pa", 1.0, 1e7, "pressure drop below which orifice flow becomes linear", display_unit="bar"
-    )
-
-
-class _Bypass(Section):
-    discharge: Quantity = quantity("1", 0.01, 1.0, "discharge coefficient of the bypass valve")
-
-
-class Actuator(Vehicle):
-    """Electro-hydraulic actuator: pump, spool valve, cylinder, bypass valve."""
-
-    cylinder: _Cylinder
-    fluid: _Fluid
-    supply: _Supply
-    valve: _Valve
-    bypass: _Bypass
-
-
-# -------------------------------------------------------------------------------------------------------------- sensors
-
-
-class _Noise(Section):
-    load_cell: Quantity = quantity("N", 0.0, 1e6, "noise of a load cell, standard deviation", nominal=10.0)
-    lvdt: Quantity = quantity("m", 0.0, 0.1, "noise of an LVDT", display_unit="mm", nominal=1e-3)
-    hub: Quantity = quantity("m/s2", 0.0, 1e3, "noise of a hub accelerometer", nominal=0.1)
-    chassis: Quantity = quantity("m/s2", 0.0, 1e3, "noise of a chassis accelerometer", nominal=0.1)
-    gyro: Quantity = quantity("rad/s", 0.0, 10.0, "noise of a rate gyro", display_unit="deg/s", nominal=1e-2)
-    range: Quantity = quantity("m", 0.0, 1.0, "noise of a range sensor", display_unit="mm", nominal=1e-3)
-    speed: Quantity = quantity("m/s", 0.0, 10.0, "noise of the speedometer", nominal=1e-2)
-
-
-class _Place(Section):
-    x: Quantity = quantity("m", -50.0, 50.0, "position ahead of the CG")
-    y: Quantity = quantity("m", -10.0, 10.0, "position to the left of the CG")
-
-
-class _Chassis(Section):
-    front: _Place
-    rear: _Place
-
-
-class _RangeMount(Section):
-    x: Quantity = quantity("m", -50.0, 50.0, "position of the range sensors ahead of the CG")
-    y: Quantity = quantity("m", 0.0, 10.0, "distance of the range sensors to the side of the CG")
-    height: Quantity = quantity("m", 0.05, 10.0, "height of the range sensors above the road at rest")
-    bias: Quantity = quantity(
-        "m", -2.0, 2.0, "D_bias: from the mount along the beam, upwards, to where ranges count from", nominal=0.1
-    )
-
-
-class _RangeSensor(Section):
-    near: Quantity = quantity("m", 0.0, 100.0, "shortest range")
-    far: Quantity = quantity("m", 0.01, 100.0, "longest range")
-    resolution: Quantity = quantity("m", 0.0, 1.0, "resolution", display_unit="mm", nominal=1e-2)
-    spot: Quantity = quantity("m", 0.0, 0.6, "length of road over which the range is a mean", nominal=0.1)
-    response: Quantity = quantity("s", 0.0, 7e-3, "response time", display_unit="ms", nominal=1e-3)
-    tilt: Quantity = quantity("rad", 0.0, 1.4, "angle of the beam, forward from straight down", display_unit="deg")
-
-
-class _Estimator(Section):
-    road: Quantity = quantity("m2/s", 1e-12, 100.0, "intensity of the road's rate as white noise", nominal=1e-2)
-    known_road: Quantity = quantity(
-        "m2/s", 1e-12, 100.0, "intensity that remains where the road is known", nominal=1e-2
-    )
-    pose_leak: Quantity = quantity("s", 0.05, 1e4, "time in which heave, pitch and roll fade without road")
-    pose_correction: Quantity = quantity("s", 0.05, 1e4, "time in which heave, pitch and roll follow a known road")
-
-
-class SensorSet(Vehicle):
-    """Where sensors sit on a vehicle, how good they are, and what an estimator makes of them."""
-
-    noise: _Noise
-    chassis: _Chassis
-    mount: _RangeMount
-    radar: _RangeSensor
-    optical: _RangeSensor
-    estimator: _Estimator
 
 
 KINDS: dict[str, type[Vehicle]] = {

@@ -48,6 +48,12 @@ def test_an_object_is_compiled_again_when_a_header_that_it_includes_changes(sour
     assert len(objects(cache, sources) - first) == 1
 
 
+def test_one_text_as_c_and_as_cpp_is_two_objects(sources: Path, tmp_path: Path) -> None:
+    cache, toolchain = ObjectCache(tmp_path / "cache"), find_toolchain(host())
+    (sources / "unit.cpp").write_bytes((sources / "unit.c").read_bytes())
+    assert len({cache.object(toolchain, sources / name, [sources]) for name in ("unit.c", "unit.cpp")}) == 2
+
+
 def test_a_flipped_bit_in_an_object_or_a_library_is_found(sources: Path, tmp_path: Path) -> None:
     """What is made of a damaged cache has the bytes of a sound one."""
     cache = ObjectCache(tmp_path / "cache")

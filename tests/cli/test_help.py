@@ -216,8 +216,7 @@ def test_the_terminal_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch, capsy
     assert len(capsys.readouterr().out.splitlines()) == 3
 
 
-# ------------------------------------------------------------------------------------------------------- the first
-# screens
+# ---------------------------------------------------------------------------------------------------- the first screens
 
 
 def test_the_first_screen_has_every_command_in_a_sentence_and_examples_that_work() -> None:

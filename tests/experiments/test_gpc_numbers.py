@@ -161,8 +161,7 @@ def test_cases(raises) -> None:
         Case(controller="implicit", hold=True)
 
 
-# ------------------------------------------------------------------------------------------------------ wires,
-# parameters
+# ---------------------------------------------------------------------------------------------------- wires, parameters
 
 
 def law(fmus: FmuSet, variant: str, factor: float = 1.0) -> GpcLaw:
@@ -596,8 +595,7 @@ def test_rows_of_a_study_with_a_failed_run(made: Runs, raises) -> None:
         Results(Runs([], [])).passive("sine", 1.0)
 
 
-# ------------------------------------------------------------------------------------------------------ numbers read
-# off it
+# -------------------------------------------------------------------------------------------------- numbers read off it
 
 
 def test_figures_of_a_run(results: Results) -> None:
@@ -862,8 +860,7 @@ def test_histories(page: Report, number: int, road: str) -> None:
             assert (list(curve.x), list(curve.y)) == (own["time"], pytest.approx([scale * v for v in own[key]]))
 
 
-# ------------------------------------------------------------------------------------------------------ the page around
-# them
+# ------------------------------------------------------------------------------------------------- the page around them
 
 
 def test_words(page: Report, sentence) -> None:
@@ -908,8 +905,7 @@ def test_provenance(page: Report) -> None:
     assert given["corners"] == ["fl", "fr", "rl", "rr"]
 
 
-# ------------------------------------------------------------------------------------------------------ words of the
-# claims
+# -------------------------------------------------------------------------------------------------- words of the claims
 
 
 def test_rows_are_selected_by_all_fields() -> None:
@@ -933,13 +929,13 @@ def test_only_runs_at_the_published_weight_or_above_count_as_diverged() -> None:
 
 def test_curves_go_from_the_lowest_speed() -> None:
     results: Any = SimpleNamespace(seeds=(0, 1), figures=lambda row: row)
-    found = _curve(results, "J", "explicit", [50.0, 10.0], lambda v, seed: {"J": v + seed}, 2.0)
+    found = _curve(results, "J", "explicit", [50.0, 10.0], lambda v, seed: {"J": v + seed})
     assert found is not None
     assert found.x_values.tolist() == [10.0, 50.0]
     assert {name: values.tolist() for name, values in found.columns()} == {
-        "y": [21.0, 101.0],
-        "low": [20.0, 100.0],
-        "high": [22.0, 102.0],
+        "y": [10.5, 50.5],
+        "low": [10.0, 50.0],
+        "high": [11.0, 51.0],
     }
 
 
@@ -948,8 +944,7 @@ def test_names_of_the_options(sentence) -> None:
     sentence(" ".join(f.name for f in fields(Case)))
 
 
-# ------------------------------------------------------------------------------------------------------ cosim identify
-# gpc
+# --------------------------------------------------------------------------------------------------- cosim identify gpc
 
 
 def identify(options: str) -> None:

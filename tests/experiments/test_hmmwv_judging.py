@@ -365,8 +365,7 @@ def test_the_report_shows_what_refinement_changes(fmus):
     assert "an exchange every 0.25 ms" in section.paragraphs[0]
 
 
-# ------------------------------------------------------------------------------------------------------------- the
-# parts
+# ------------------------------------------------------------------------------------------------------------ the parts
 
 
 def test_signals():

@@ -37,8 +37,7 @@ from cosim.study.case import fields as options
 from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
 from fmu_sources.models.corners import CORNERS
 
-# ------------------------------------------------------------------------------------------ a run of the vehicle by
-# hand
+# ----------------------------------------------------------------------------------------- a run of the vehicle by hand
 
 T = np.arange(4000) / 1000.0  # s
 STARTS = {"car.wheel.rl.x": -1.5, "actuator_fl.supply.flow_limit": 0.0005, "actuator_fl.valve.null_opening": 0.004}
@@ -184,8 +183,7 @@ def test_a_run_begins_and_ends_where_the_wheels_of_this_car_are() -> None:
     assert start(system, Case("off-road", "lqr")) == -2.0
 
 
-# ------------------------------------------------------------------------------------------------ runs of the parts by
-# hand
+# -------------------------------------------------------------------------------------------- runs of the parts by hand
 
 
 def test_metrics_of_force_tracking() -> None:
@@ -352,8 +350,7 @@ def test_metrics_of_the_generated_preview() -> None:
     assert {n: v[174] for n, v in found.items()} == {"x": 8.7, "map": 0.05, "road": 0.07, "load": -4000.0}
 
 
-# ----------------------------------------------------------------------------------------------- a study: every cell by
-# hand
+# ------------------------------------------------------------------------------------------ a study: every cell by hand
 
 
 def number(*what: object) -> float:
@@ -931,8 +928,7 @@ def test_runs_cost_what_they_take() -> None:
     assert of_corners == pytest.approx({s: 0.4 * seconds for s, (_, _, seconds) in tracking.runs.SIGNALS.items()})
 
 
-# --------------------------------------------------------------------------------------------------------- words of
-# claims
+# ------------------------------------------------------------------------------------------------------ words of claims
 
 
 def said(*changes: hmmwv_made_up.Change) -> dict[str, Claim]:
@@ -1066,8 +1062,7 @@ def test_signals_belong_to_the_first_place(study: Results) -> None:
     assert found["travel"].tolist() == drawn(Case("off-road", "mpc", duration=20.0))["travel"]
 
 
-# --------------------------------------------------------------------------------------------------- parts, and the
-# live page
+# --------------------------------------------------------------------------------------------- parts, and the live page
 
 
 def test_metrics_of_the_force_tracking_as_they_are_shown() -> None:

@@ -647,8 +647,7 @@ def test_a_short_preview_must_not_hurt_with_the_last_height_held(study: Results)
         assert verdict(altered(study, {held: {"J": 10 * 0.5 * factor}}), "short-preview") == well
 
 
-# ----------------------------------------------------------------------------------------------------------- the live
-# page
+# -------------------------------------------------------------------------------------------------------- the live page
 
 
 def test_the_live_page(sentence) -> None:

@@ -27,8 +27,7 @@ from cosim.study import FmuSet, Results
 from cosim.study.case import CaseError, values
 from fmu_sources.models.corners import CORNERS
 
-# ------------------------------------------------------------------------------------------------ a run: metrics by
-# hand
+# ----------------------------------------------------------------------------------------------- a run: metrics by hand
 
 G = 9.80665
 SPEED = 9.0  # m/s
@@ -652,8 +651,7 @@ def test_the_run_nearest_to_the_limit(study: Results) -> None:
     assert published.SEEDS_RUN == 3
 
 
-# ----------------------------------------------------------------------------------------------------------- the live
-# page
+# -------------------------------------------------------------------------------------------------------- the live page
 
 GROUPS = ["1 in rms", "2 in rms", "4 in rms", "half-round"]
 LIVE = {

@@ -20,8 +20,7 @@ from cosim.study import FmuSet, Results
 from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, PREDICTION
 from fmu_sources.models.corners import SIX_CORNERS
 
-# ---------------------------------------------------------------------------------------- a run: errors and forces by
-# hand
+# ------------------------------------------------------------------------------------- a run: errors and forces by hand
 
 T = np.round(np.arange(0, 25.0001, 0.05), 6)
 TARGET = np.interp(T, [15, 17, 22, 24], [0, 0.06, 0.06, 0])  # rad

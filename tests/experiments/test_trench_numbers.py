@@ -338,8 +338,7 @@ def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
     assert linear.PART.run.stop_time == pytest.approx((6 + 2 + 5) / (5 / 3.6), abs=1e-3)
 
 
-# ----------------------------------------------------------------------------------------------- a study: every cell by
-# hand
+# ------------------------------------------------------------------------------------------ a study: every cell by hand
 
 
 def metrics(case: Any) -> dict[str, Any]:
@@ -749,8 +748,7 @@ def test_columns_of_the_thesis() -> None:
         assert getattr(found, name) == float(row[f"passive {column}"])
 
 
-# ------------------------------------------------------------------------------------------------------------ the live
-# page
+# -------------------------------------------------------------------------------------------------------- the live page
 
 
 def test_words(page: Report, sentence) -> None:

@@ -24,7 +24,7 @@ RNG = np.random.default_rng(20)
 def script() -> MiniRacer:
     engine = MiniRacer()
     classes = (ASSETS / "page.js").read_text().partition("\n(async () =>")[0]
-    engine.eval("".join((ASSETS / name).read_text() for name in ("plot.js", "drive.js")) + classes)
+    engine.eval("".join((ASSETS / name).read_text() for name in ("plot.js", "drive.js", "variant.js")) + classes)
     return engine
 
 

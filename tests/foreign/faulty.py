@@ -364,8 +364,7 @@ FAULTS = {
     "dangling": Fault(("saved.states",)),
     "serialized-pointer": Fault(("saved.serialize",), STATES),
     "damaged-accepted": Fault(("saved.damaged",)),
-    # ------------------------------------------------------------------------------------------ derivatives,
-    # dependencies
+    # ---------------------------------------------------------------------------------------- derivatives, dependencies
     "initial-dependency": Fault(("derivatives.initial",), spoil=_without_dependency(8, 2, "InitialUnknown")),
     "dependency": Fault(("derivatives.dependencies",), spoil=_without_dependency(8, 1, "Output")),
     "directional": Fault(("derivatives.directional",), ("derivatives.adjoint",)),

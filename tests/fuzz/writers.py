@@ -330,8 +330,7 @@ def _notebook(_folder: Path, name: str, unit: str, title: str) -> None:
     assert seen(f"<p>{escape.html(title)}</p>") == title
 
 
-# ------------------------------------------------------------------------------------------------- shell, files of
-# users
+# ------------------------------------------------------------------------------------------------ shell, files of users
 
 
 def _shell(_folder: Path, *texts: str) -> None:

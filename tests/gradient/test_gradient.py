@@ -290,7 +290,7 @@ def test_a_compiler_that_fails_is_named(built_fmus: BuiltFmus, monkeypatch: pyte
     """It is one for C++."""
     batch_library.cache_clear()
     monkeypatch.setattr("cosim.batch.library._loaded", {})
-    monkeypatch.setattr("cosim.batch.library.ObjectCache.of_user", lambda _: ObjectCache(tmp_path))
+    monkeypatch.setattr("cosim.batch.library.ObjectCache.of_user", lambda: ObjectCache(tmp_path))
     monkeypatch.setattr("build_fmus.compile._CPP_FLAGS", ("-no-such-option",))
     with System(allow_unconnected=True) as system:
         system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")

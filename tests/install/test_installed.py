@@ -317,8 +317,7 @@ def study(environment: Environment, fmu: Path, *options: str) -> None:
     assert [float(end) for _, end in rows] == pytest.approx(HEIGHTS, rel=0.01)
 
 
-# ------------------------------------------------------------------------------------------------- beside other
-# people's
+# ------------------------------------------------------------------------------------------------ beside other people's
 
 
 @pytest.fixture

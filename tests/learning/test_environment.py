@@ -133,8 +133,7 @@ def test_the_steps_are_those_of_a_run_by_hand(make: Make) -> None:
     assert env.recording.time.tobytes() == by_hand.time.tobytes()
 
 
-# ---------------------------------------------------------------------------------------------------- seeds and
-# scenarios
+# -------------------------------------------------------------------------------------------------- seeds and scenarios
 
 
 def test_seeds_choose_scenarios_and_options_come_after_them(make: Make) -> None:
@@ -157,8 +156,7 @@ def test_the_same_actions_give_the_same_bits(make: Make) -> None:
     assert play(env, actions, seed=7) == first == play(make(), actions, seed=7)
 
 
-# ------------------------------------------------------------------------------------------------------------ looking
-# ahead
+# -------------------------------------------------------------------------------------------------------- looking ahead
 
 
 def test_back_to_a_saved_state_and_on_with_the_same_bits(make: Make) -> None:
@@ -220,8 +218,7 @@ def test_planning_leaves_no_trace(make: Make) -> None:
     assert play(env, chosen, seed=1)[1:] == played
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# failures
+# ------------------------------------------------------------------------------------------------------------- failures
 
 FAILURES = {"raises_at": "it broke", "nan_at": "(x|v) is nan at t = "}
 
@@ -258,8 +255,7 @@ def test_a_reward_that_is_none(make: Make, worth: object, raises) -> None:
         env.step(action_of(0.0))
 
 
-# ------------------------------------------------------------------------------------------------------- what users do
-# wrong
+# -------------------------------------------------------------------------------------------------- what users do wrong
 
 
 @pytest.mark.parametrize("action", [[math.nan], [math.inf], [1.2], [0.0, 0.0], 0.0, ["up"]])

@@ -127,8 +127,7 @@ def test_a_file_of_another_model_is_refused(tmp_path: Path, raises) -> None:
         optimise(circles, SPACE, TWO, trials=2, storage=file, identity="mass 2")
 
 
-# --------------------------------------------------------------------------------------------------------- of an
-# experiment
+# ----------------------------------------------------------------------------------------------------- of an experiment
 
 
 @dataclass(frozen=True)
@@ -153,8 +152,7 @@ def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Pa
     assert [str(r["failed"])[:15] for r in runs.evaluate_batch([{"height": 5.0}])] == ["height is 5 m; "]
 
 
-# -------------------------------------------------------------------------------------------------------- what users do
-# wrong
+# -------------------------------------------------------------------------------------------------- what users do wrong
 
 
 @pytest.mark.parametrize(

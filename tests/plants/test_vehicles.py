@@ -17,7 +17,7 @@ from fmu_sources.vehicles import (
     load_vehicle,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import Section
+from fmu_sources.vehicles.quantities import Section
 
 
 def write(tmp_path, text, name="mine.toml"):

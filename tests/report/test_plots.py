@@ -6,10 +6,10 @@ import re
 import numpy as np
 
 from cosim.report import Figure, Palette, Panel, Section, Series, plotly_figure
+from cosim.report.maps import INK
 from cosim.report.plots import (
     COLORS,
     GRID,
-    INK,
     LEGEND_ROW,
     MUTED,
     PAPER,

@@ -8,9 +8,9 @@ from typing import Any
 
 from py_mini_racer import MiniRacer
 
-from cosim.scenes.scene import SCENE_SCRIPT, SCENE_STYLE, Scene, scene_data
+from cosim.scenes.scene import Scene, scene_data, scene_script, scene_style
 
-COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", SCENE_STYLE.read_text()))
+COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", scene_style()))
 """Names with both colors, light and dark."""
 
 _PAGE = """
@@ -55,7 +55,7 @@ class Browser:
 
     def __init__(self) -> None:
         self.engine = MiniRacer()
-        self.engine.eval(f"const COLORS = {json.dumps(COLORS)};{_PAGE}{SCENE_SCRIPT.read_text()}")
+        self.engine.eval(f"const COLORS = {json.dumps(COLORS)};{_PAGE}{scene_script()}")
 
     def see(
         self, scene: Scene, values: dict[str, float] | None = None, view: str = "side", road: str = "() => null"

@@ -77,8 +77,7 @@ def screen(browser: Browser, point: object) -> tuple[float, float]:
     return x, y
 
 
-# ----------------------------------------------------------------------------------------------- from a pose to the
-# screen
+# -------------------------------------------------------------------------------------------- from a pose to the screen
 
 
 def test_from_the_side_ahead_is_right_and_up_is_up(browser: Browser) -> None:
@@ -289,8 +288,7 @@ def _is_tail(points: list[list[float]], y: float) -> bool:
     return bool(x.max() < -2.0 and across.min() < y < across.max())
 
 
-# ----------------------------------------------------------------------------------------------------------- wheels,
-# road
+# --------------------------------------------------------------------------------------------------------- wheels, road
 
 
 def test_tires_end_on_the_road(browser: Browser) -> None:
@@ -399,8 +397,7 @@ def test_marks_stand_along_the_road(browser: Browser) -> None:
     assert "105 m" in browser.run("texts")
 
 
-# ------------------------------------------------------------------------------------------------ forces, points,
-# limits
+# ----------------------------------------------------------------------------------------------- forces, points, limits
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -520,8 +517,7 @@ def test_values_that_are_not_numbers_do_not_stop_the_picture(browser: Browser) -
     assert browser.run("view.poses[0].slice(8)") == [0, 0, 1, 1]
 
 
-# --------------------------------------------------------------------------------------------------------- words,
-# colours
+# ------------------------------------------------------------------------------------------------------- words, colours
 
 
 def test_the_sentence_about_what_is_seen(browser: Browser) -> None:
@@ -586,8 +582,7 @@ def _contrast(first: str, second: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-# --------------------------------------------------------------------------------------------------- views and the
-# pointer
+# ------------------------------------------------------------------------------------------------ views and the pointer
 
 
 def test_a_view_that_is_turned_is_free(browser: Browser) -> None:

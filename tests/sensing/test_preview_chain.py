@@ -58,8 +58,7 @@ def buffer(layout):
     return preview_buffer(layout).model()
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# sensor
+# --------------------------------------------------------------------------------------------------------------- sensor
 
 
 def test_correction_undoes_what_the_pose_does_to_the_ranges(sensor, sensors):
@@ -138,8 +137,7 @@ def test_free_response_is_a_quarter_car_per_wheel(sensor):
     assert 1.2 < top < 1.9, "an underdamped quarter car near 2 Hz overshoots"
 
 
-# ----------------------------------------------------------------------------------------------------------------
-# buffer
+# --------------------------------------------------------------------------------------------------------------- buffer
 
 
 def wave(x):

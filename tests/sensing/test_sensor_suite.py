@@ -62,8 +62,7 @@ def surface(scan, x, heights, side="left"):
     return {f"scan.{side}[{i + 1}]": heights(x + scan.start + i * scan.step) for i in range(scan.count)}
 
 
-# -----------------------------------------------------------------------------------------------------------------
-# noise
+# ---------------------------------------------------------------------------------------------------------------- noise
 
 
 @pytest.fixture(scope="module")
@@ -123,8 +122,7 @@ def test_scale_and_single_sensors(suite):
     assert np.array_equal(quiet["hub.fl.az"], one["hub.fl.az"])
 
 
-# -------------------------------------------------------------------------------------------------------- on the
-# vehicle
+# ------------------------------------------------------------------------------------------------------- on the vehicle
 
 
 def test_without_noise_sensors_show_the_car(suite):
@@ -152,8 +150,7 @@ def test_distance_is_the_integral_of_the_speedometer(suite):
     assert noisy["x.measured"][-1] == pytest.approx(4.0 + 1e-3 * noisy["speed.measured"][:-1].sum(), rel=1e-12)
 
 
-# --------------------------------------------------------------------------------------------------------- range
-# sensors
+# -------------------------------------------------------------------------------------------------------- range sensors
 
 
 @pytest.mark.parametrize("sensor", ["radar", "optical"])

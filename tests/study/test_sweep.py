@@ -428,8 +428,7 @@ def test_a_design_of_a_thousand_million_runs_is_not_begun(tmp_path: Path) -> Non
     assert not (tmp_path / "results").exists()
 
 
-# ------------------------------------------------------------------------------------- a quarter car on a sine road,
-# full
+# ----------------------------------------------------------------------------------- a quarter car on a sine road, full
 
 RANGES = {
     "car.body.mass": (2000.0, 3600.0),

@@ -39,8 +39,7 @@ def experiment() -> Any:
     return load(str(Path(__file__).parent / "falling.py"))
 
 
-# ------------------------------------------------------------------------------------------------------------
-# statistics
+# ----------------------------------------------------------------------------------------------------------- statistics
 
 
 def test_quantiles_and_their_bounds() -> None:
@@ -422,8 +421,7 @@ def test_which_runs_are_the_worst(experiment: Any, text: str, first: int, title:
     assert line.y[0] == pytest.approx(first / 5)  # type: ignore[index]
 
 
-# ----------------------------------------------------------------------------------------------- histories that are
-# kept
+# ---------------------------------------------------------------------------------------------- histories that are kept
 
 
 def test_histories_that_were_kept_are_not_made_again(

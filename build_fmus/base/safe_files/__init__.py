@@ -15,7 +15,7 @@ from build_fmus.base.safe_files.kept import (
     plain_warnings,
 )
 from build_fmus.base.safe_files.place import SharedFolderWarning, cache_directory
-from build_fmus.base.safe_files.scratch import scratch
+from build_fmus.base.safe_files.scratch import scratch, scratch_files
 from build_fmus.base.safe_files.whole import is_full, named, opened, sentence, write
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "opened",
     "plain_warnings",
     "scratch",
+    "scratch_files",
     "sentence",
     "write",
 ]

@@ -12,9 +12,12 @@ import shutil
 import stat
 import sys
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+
+from build_fmus.base.safe_files.whole import named
 
 if sys.platform != "win32":
     import fcntl
@@ -34,6 +37,21 @@ def scratch() -> Path:
         _scratch.cache_clear()
         folder = _scratch(*place)
     return folder
+
+
+@contextmanager
+def scratch_files(files: Mapping[str, bytes]) -> Iterator[Path]:
+    """A temporary folder with these files, by their paths in it, until the block ends.
+
+    Raises:
+        OSError: it cannot be made or written to; the error names the folder.
+    """
+    with tempfile.TemporaryDirectory(dir=scratch()) as folder, named(folder):
+        for name, data in files.items():
+            path = Path(folder, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        yield Path(folder)
 
 
 @cache

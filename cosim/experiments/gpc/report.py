@@ -132,15 +132,13 @@ def _about(view: View) -> Content:
 Rows = Callable[[float, int], Row | None]  # of a curve, by speed [km/h] and seed
 
 
-def _curve(
-    results: Results, key: str, name: str, speeds: Sequence[float], rows: Rows, scale: float = 1.0
-) -> Series | None:
+def _curve(results: Results, key: str, name: str, speeds: Sequence[float], rows: Rows) -> Series | None:
     """Median over the seeds by speed, with the band that the seeds span; gaps where no seed has a row."""
     points = []
     for v in sorted(speeds):
         found = [results.figures(r)[key] for s in results.seeds if (r := rows(v, s)) is not None]
-        found = [scale * x for x in found if math.isfinite(x)]
-        d = Distribution(found) if found else None
+        finite = [x for x in found if math.isfinite(x)]
+        d = Distribution(finite) if finite else None
         points.append((v, *((d.median, d.low, d.high) if d else (math.nan, math.nan, math.nan))))
     x, y, low, high = (list(column) for column in zip(*points, strict=True))
     if not any(map(math.isfinite, y)):

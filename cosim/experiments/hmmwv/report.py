@@ -213,16 +213,13 @@ def _off_road(study: Averages) -> Content:
     )
 
 
-def _displaced(ms: float) -> Case:
-    return Case("bump", "mpc-preview", preview_error_ms=ms)
-
-
 @report.section("Preview")
 def _preview(study: Averages) -> Content:
     base = study.power(Case("bump", "mpc"))
     taken = study.gain(Case("bump", "mpc-preview"), [Case("bump", "mpc")])
     by_length = {0: base} | {n: study.power(Case("bump", "mpc-preview", preview_steps=n)) for n in LENGTHS}
-    errors = {ms: study.distribution("absorbed_power", _displaced(ms)) for ms in ERRORS_MS}
+    displaced = {ms: Case("bump", "mpc-preview", preview_error_ms=ms) for ms in ERRORS_MS}
+    errors = {ms: study.distribution("absorbed_power", case) for ms, case in displaced.items()}
     meters = [1e-3 * ms * SPEED_KMH / 3.6 for ms in ERRORS_MS]
     most, least = (base * (1 - edge / 100) for edge in (PREVIEW_GAIN.low, PREVIEW_GAIN.high))
     inside = ", ".join(f"{ms:+d}" for ms, found in errors.items() if least <= found.median <= most)

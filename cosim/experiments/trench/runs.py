@@ -19,9 +19,8 @@ from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
 from fmu_sources.models.corners import SIX_CORNERS
 
-CONTROLLERS: dict[
-    str, tuple[str, dict[str, Any], bool] | None
-] = {  # FMU, its parameters, whether it sees the road ahead
+# FMU, its parameters, whether it sees the road ahead
+CONTROLLERS: dict[str, tuple[str, dict[str, Any], bool] | None] = {
     "passive": None,
     "mpc": ("MpcThreeAxle", {}, True),
     "mpc-no-preview": ("MpcThreeAxle", {}, False),

@@ -2,6 +2,5 @@
 
 - `module`: the systems as one WebAssembly module, with the functions of `web.c` that the page calls;
 - `page`: the rest of the page, the data for its script, and the file;
-- `scene`: the elements of an animated picture;
 - `assets/`: the scripts and styles of the page, put together in the order that `page` says.
 """

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 from build_fmus.base import safe_files
-from build_fmus.base.interpreters import PYTHON
-from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
+from build_fmus.compile import WASM, CompileError, ObjectCache, find_toolchain, find_zig, host
 from cosim.core.errors import CosimError
-from cosim.export.code import CONTAINER, SystemCode, template, write
+from cosim.export.code import CONTAINER, SystemCode, template
 from cosim.export.parts import Part, defined_names, wrappers
 
 _HERE = Path(__file__).parent
@@ -22,18 +18,6 @@ _MODELS, _PLAN = "web_models.c", "plan.c"
 _FMI = 3
 # what is compiled once for each system, beside its plan
 _PER_SYSTEM = (*(p.name for p in CONTAINER if p.suffix == ".c"), f"fmi{_FMI}.c", "fmu_base.c")
-_PLATFORM = Platform("wasm32", "wasm32", "wasm32-wasi", ".wasm")
-
-
-class _Zig(Toolchain):
-    """The compiler for browsers. A module is a library whose functions the page calls; it asks its host for nothing."""
-
-    def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
-        self._run([*CFLAGS, *(f"-I{i.absolute()}" for i in include), "-c", source.absolute(), "-o", output.absolute()])
-
-    def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
-        assert not loads, "a module opens no libraries"
-        self._run(["-mexec-model=reactor", "-s", *(o.absolute() for o in objects), "-o", output.absolute()])
 
 
 @dataclass(frozen=True)
@@ -69,39 +53,26 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
     for part in parts:
         if part.version != _FMI:
             raise CosimError(f"{part.fmu.path} is an FMU of FMI {part.version}.0; a page needs FMUs of FMI {_FMI}.0")
-    toolchain, cache = find_zig(), ObjectCache.of_user("export")
-    files = {name: data for code in codes for name, data in code.files(cache).items()}
-    own = {name: files.pop(name) for name in _PER_SYSTEM}
-    files |= {p.name: p.read_bytes() for p in _OWN}
-    systems = [f"system{i}" for i in range(len(codes))]
-    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
-        folder = Path(tmp)
-        for name, code in zip(systems, codes, strict=True):
-            files |= {f"{name}/{n}": d for n, d in own.items()}
-            files[f"{name}/{_PLAN}"] = code.plan_c(name).encode()
-        models = {"systems": systems, "parts": parts}
-        files[_MODELS] = template("web_models.c.j2").render(models).encode()
-        write(folder, files)
-        each = [*_PER_SYSTEM, _PLAN]
-        host_compiler = find_toolchain(host())
-        names = defined_names(folder / systems[0], each, [folder / systems[0], folder], host_compiler, cache)
-        for name in systems:
-            files |= wrappers(name, _FMI, each, names)
-        write(folder, files)
-        sources = [folder / n for n in sorted(files) if n.endswith(".c") and ("/" not in n or n.startswith("musl/"))]
-        library = cache.library(toolchain, sources, [folder], "systems")
-        return Module(library.read_bytes(), len(codes), parts)
-
-
-def find_zig() -> Toolchain:
-    """Find ziglang, the compiler for WebAssembly.
-
-    Raises:
-        CompileError: it is not installed.
-    """
-    if importlib.util.find_spec("ziglang") is None:
+    toolchain = find_zig(WASM)
+    if toolchain is None:
         raise CompileError(
             "a web page is compiled by ziglang, which is not installed: pip install 'suspension-fmus[zig]'"
         )
-    command = (*PYTHON, "-m", "ziglang", "cc", "-target", _PLATFORM.zig_target)
-    return _Zig(_PLATFORM, command, f"ziglang {metadata.version('ziglang')}")
+    files = {name: data for code in codes for name, data in code.files().items()}
+    own = {name: files.pop(name) for name in _PER_SYSTEM}
+    files |= {p.name: p.read_bytes() for p in _OWN}
+    systems = [f"system{i}" for i in range(len(codes))]
+    for name, code in zip(systems, codes, strict=True):
+        files |= {f"{name}/{n}": d for n, d in own.items()}
+        files[f"{name}/{_PLAN}"] = code.plan_c(name).encode()
+    models = {"systems": systems, "parts": parts}
+    files[_MODELS] = template("web_models.c.j2").render(models).encode()
+    each = [*_PER_SYSTEM, _PLAN]
+    with safe_files.scratch_files(files) as folder:
+        names = defined_names(folder / systems[0], each, [folder / systems[0], folder], find_toolchain(host()))
+    for name in systems:
+        files |= wrappers(name, _FMI, each, names)
+    with safe_files.scratch_files(files) as folder:
+        sources = [folder / n for n in sorted(files) if n.endswith(".c") and ("/" not in n or n.startswith("musl/"))]
+        library = ObjectCache.of_user().library(toolchain, sources, [folder], "systems")
+        return Module(library.read_bytes(), len(codes), parts)

@@ -28,13 +28,13 @@ from cosim.export.code import SystemCode, exported_schedule, start_values, templ
 from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
-from cosim.scenes.scene import SCENE_SCRIPT, SCENE_STYLE, Scene, Value, scene_data
+from cosim.scenes.scene import Scene, Value, scene_data, scene_script, scene_style
 from cosim.system.components import indices
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 
 _ASSETS = Path(__file__).parent / "assets"
-_SCRIPTS = ("fmu.js", "plot.js", "drive.js", "page.js")  # in this order
+_SCRIPTS = ("fmu.js", "plot.js", "drive.js", "variant.js", "page.js")  # in this order
 _TYPES = {name: i for i, name in enumerate(TYPES.values())}
 SHOWN_EVERY = Fraction(1, 200)  # s, or the nearest number of ticks above
 _FMI = 3
@@ -205,8 +205,8 @@ def export_web(path: str | Path, systems: Sequence[PageSystem], page: WebPage) -
         page=page,
         driven=[c.label for c in page.controls if c.drive],
         paces=PACES,
-        style=f"{_asset('page.css')}\n{SCENE_STYLE.read_text(encoding='utf-8')}",
-        script="\n".join([SCENE_SCRIPT.read_text(encoding="utf-8"), *(_asset(n) for n in _SCRIPTS)]),
+        style=f"{_asset('page.css')}\n{scene_style()}",
+        script="\n".join([scene_script(), *(_asset(n) for n in _SCRIPTS)]),
         module=_packed(module.content),
         data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
         size=len(module.content),
@@ -241,8 +241,7 @@ def _licenses(codes: Sequence[SystemCode]) -> str:
     return "\n\n".join(f"{name}\n\n{content.decode(errors='replace').strip()}" for content, name in texts.items())
 
 
-# ------------------------------------------------------------------------------------------------ what the script is
-# told
+# ------------------------------------------------------------------------------------------------ what the script reads
 
 
 def _gathered(systems: Sequence[PageSystem], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:

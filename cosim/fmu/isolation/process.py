@@ -105,7 +105,7 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     ffi = cffi.FFI()
     ffi.cdef(declarations(_FOLDER / "link.h") + _EXPORTED)
     try:
-        toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
+        toolchain, cache = find_toolchain(host()), ObjectCache.of_user()
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER, INTERMEDIATE.parent], "client")
         sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c"]
         sources += [header.with_suffix(".c") for header in (INTEGRATOR, INTERMEDIATE)]
@@ -389,9 +389,8 @@ def _shared_memory() -> int | None:
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("cosim", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
             os.ftruncate(descriptor, _REGION)
-            sizes = (
-                fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
-            )  # what shrinks would end the master by SIGBUS
+            # a file that shrinks would end the master by SIGBUS
+            sizes = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
             fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, sizes)
         else:
             descriptor, name = tempfile.mkstemp(dir=safe_files.scratch())

@@ -13,12 +13,8 @@ from build_fmus.component import Component
 from fmu_sources.models.bench_states import STATES, bench_model, reference_inputs
 from fmu_sources.registration import component
 
-WEIGHTS = (
-    450.0,
-    30.0,
-    5.0,
-    0.01,
-)  # of the squares of the states, SI; documentation of the bench's maker, assumed for 002
+# of the squares of the states, SI; documentation of the bench's maker, assumed for 002
+WEIGHTS = (450.0, 30.0, 5.0, 0.01)
 FORCE_WEIGHT = 0.01  # 1/N2, same source
 LQR_PERIOD = 2e-3  # s, assumed
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,14 +30,12 @@ class Preview:
     """Inputs that give disturbances ahead of time.
 
     `inputs`: name of a disturbance of the model -> name of the input vector, index 1 = now, `step` seconds apart,
-    `count` of them. `unused`: what is assumed while `use_preview` is false: `"zero"`, or `"hold"` for the
-    value now.
+    `count` of them. While `use_preview` is false, 0 is assumed.
     """
 
     inputs: Mapping[str, str]
     count: int
     step: float
-    unused: Literal["zero", "hold"] = "zero"
 
     def grid(self, where: str, period: float, instants: int) -> np.ndarray:
         """Matrix (instants, count) from preview points to the controller's periods; the last point holds.
@@ -89,7 +87,6 @@ def add_mpc(
     reference: Any = None,
     case: Any = 0,
     backend: Backend | Sequence[Backend] | None = None,
-    solver: str = "solver",
     bounds: Bounds | None = None,
     weights: Sequence[tuple[Any, Sequence[str]]] = (),
 ) -> MpcSolution:
@@ -107,7 +104,6 @@ def add_mpc(
         reference: (ny, prediction), rows in the order of `mpc.outputs`; None for 0.
         case: number of the case.
         backend: solver, or several of which the first is used; the default of the build when None.
-        solver: prefix of the outputs `.status`, `.iterations` and `.residual`.
         bounds: bounds of the inputs that change from step to step, instead of their `min` and `max`.
         weights: weights that are expressions, as `weight_parameters` declares them; the solver is then DAQP.
 
@@ -119,18 +115,9 @@ def add_mpc(
     if not isinstance(c.time, ca.MX):
         raise MpcError(f"{c.name}: make the component with symbols=ca.MX; the program's data are matrix products")
     qp = CondensedQp(mpc, weights)
-    prefix = "" if solver == "solver" else f"{solver}_"
-    data = qp.expressions(
-        state,
-        previous,
-        disturbance,
-        reference,
-        case,
-        lambda name, *rest, **more: c.value(prefix + name, *rest, **more),
-        bounds,
-    )
+    data = qp.expressions(state, previous, disturbance, reference, case, c.value, bounds)
     solution = c.quadratic_program(
-        solver,
+        "solver",
         hessians=qp.hessians,
         constraints=[qp.constraint],
         linear=data.linear,
@@ -242,8 +229,7 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
         "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview.step
     )
     use = c.input("use_preview", None, "whether the control law uses the preview", type=bool, start=True)
-    unused = ca.MX(*known.shape) if preview.unused == "zero" else ca.repmat(known[:, 0], 1, known.shape[1])
-    return ca.if_else(use, known, unused)
+    return ca.if_else(use, known, ca.MX(*known.shape))
 
 
 def reference_inputs(c: Component, mpc: Mpc, plant: Component, count: int | None = None) -> Any:

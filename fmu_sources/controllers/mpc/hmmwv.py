@@ -48,13 +48,7 @@ STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1
 VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 RESPONSE = "human_response"
-WEIGHTED = {
-    "absorbed_power": (RESPONSE,),
-    "travel": SUSPENSION,
-    "velocity": VELOCITY,
-    "tire": TIRE,
-    "force": FORCES,
-}
+WEIGHTED = {"absorbed_power": (RESPONSE,), "travel": SUSPENSION, "velocity": VELOCITY, "tire": TIRE, "force": FORCES}
 """What each weight of Table 1.2 weighs."""
 _DAQP = Daqp(max_iterations=250)
 BACKENDS = (Osqp(rho=0.3, max_iterations=300, fallback=_DAQP), _DAQP)

@@ -56,13 +56,11 @@ few of them: benchmarks/README.md.
 """
 
 _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 2.0))  # by case and axle: 4.7, 4.9
-_PITCH_PRINTED = (100.0, 30.0, 100.0, 30.0)  # by case: 4.7, 4.10
-_PITCH_WEIGHT = 100.0  # in all cases
+_PITCH_WEIGHT = 100.0  # in all cases; Table 4.10 prints 30 for cases 1 and 3
 _HEIGHT_WEIGHT = 20.0
 _RATE = 1.2e6  # N per sample as printed, Table 4.5; N/s for trenches
-_FORCED: tuple[
-    Mapping[str, tuple[float, float]], ...
-] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+# by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+_FORCED: tuple[Mapping[str, tuple[float, float]], ...] = (
     {},
     {"a1": (50.0, 70.0)},
     {"a2": (50.0, 70.0)},
@@ -77,9 +75,7 @@ def ride_model(car: Component) -> MpcModel:
     )
 
 
-def _case(
-    number: int, *, hold_height: bool, retraction: str, printed_limits: bool = True, printed_pitch: bool = False
-) -> Case:
+def _case(number: int, *, hold_height: bool, retraction: str, printed_limits: bool = True) -> Case:
     """One case of Tables 4.7 to 4.10."""
     changes: dict[str, Mapping[str, float]] = {}
     for k, force in zip(SIX_CORNERS, FORCES, strict=True):
@@ -90,7 +86,7 @@ def _case(
         elif retraction == "forced":  # the printed ranges pull the axle up: with extension positive their sign turns
             low, high = -high, -low
         changes[force] = {"weight": weight, "min": low, "max": high}
-    changes["body.pitch"] = {"weight": _PITCH_PRINTED[number] if printed_pitch else _PITCH_WEIGHT}
+    changes["body.pitch"] = {"weight": _PITCH_WEIGHT}
     changes["body.z"] = {"weight": _HEIGHT_WEIGHT if hold_height else 0.0}
     if number:
         changes |= {name: {"weight": 0.0} for name in ("body.roll", *WHEELS)}
@@ -346,10 +342,9 @@ _NOTES = (
     ),
     (
         "Without preview (use_preview false) the estimator's disturbance model decides: with offsets on the outputs,"
-        " the usual default, the controller reacts only when the trench has tilted the body; with road"
-        " heights it infers"
-        " the road from the wheels and is nearly as good at low speed. With all states measured it knows no reason for"
-        " what happens and leaves an error."
+        " the usual default, the controller reacts only when the trench has tilted the body; with road heights it"
+        " infers the road from the wheels and is nearly as good at low speed. With all states measured it knows no"
+        " reason for what happens and leaves an error."
     ),
     (
         "The quadratic program has 19 unknowns and about 950 rows; DAQP solves it. OSQP can be chosen at build time;"

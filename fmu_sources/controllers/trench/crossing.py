@@ -148,8 +148,9 @@ def trench_crossing(
             display_unit="deg",
         )
 
-    # ------------------------------------------------------- figure 4.11: which axle is between its two lines to the
-    # trench A wheel is past a point when the slope exceeds that of the line from the lidar to a point under the wheel.
+    # --------------------------------------------------- figure 4.11: which axle is between its two lines to the trench
+
+    # A wheel is past a point when the slope exceeds that of the line from the lidar to a point under the wheel.
     cases = []
     for axle in g.axles:
         to_wheel = axle - g.ahead  # from the lidar, negative
