@@ -348,9 +348,10 @@ def test_ties_are_told_with_their_time(tmp_path: Path) -> None:
     ramp.update(count, count + 1.0)
     ramp.output("cut", ca.fmax(count - 6.0 + height, 0.0), "1", "the ramp, at least 0")
     ramp.output("same", ca.fmax(height, 1.0 * height), "1", "equal numbers that do not move apart")
+    ramp.output("rounding", ca.fmax(1e-16 * (height - 1.0), 0.0), "1", "a number that is 0 to rounding")
     path = tmp_path / "ramp.fmu"
     path.write_bytes(build_fmu(ramp, 3, resolve_platforms("host"), OBJECTS))
-    metrics = {"cut": Final("ramp.cut"), "same": Final("ramp.same")}
+    metrics = {n: Final(f"ramp.{n}") for n in ("cut", "same", "rounding")}
     with System() as system:
         system.add("ramp", path, step="10 ms")
         found = system.gradient(metrics, "ramp.height", stop_time="0.05 s")

@@ -132,7 +132,7 @@ INLINE int meet(const Tangent &x, const Tangent &y, double within) {
         fastest = size > fastest ? size : fastest;
     })
     for (int i = 0; any_of(within * fastest >= gap) && i < TANGENTS; i++)
-        if (within * fabs(a[i] - b[i]) >= gap && fabs(a[i] - b[i]) > 1e-12 * (fabs(a[i]) + fabs(b[i]))) return 1;
+        if (within * fabs(a[i] - b[i]) >= gap && fabs(a[i] - b[i]) > 1e-12 * (1.0 + fabs(a[i]) + fabs(b[i]))) return 1;
     return 0;
 }
 /* Where derivatives were written from elsewhere. */
