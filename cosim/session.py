@@ -369,7 +369,7 @@ class System(Wiring):
             self.end_simulation()  # initialization finds which loops there are, and how they are solved
             with self._begin(schedule) as started:
                 e, repeated = started.exchange, started.exchange.repeated
-            schedule = replace(schedule, loops=e.loops, possible_loops=())
+            schedule = replace(schedule, loops=e.loops, possible_loops=(), measured=e.measured or {})
         return export_fmu(
             schedule,
             Path(path),

@@ -336,7 +336,7 @@ class Simulation:
     def _run_to_arrival(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
         """Run in pieces of about a twentieth of a second, for Ctrl-C and the progress bar, at no cost per instant."""
         exchange = self._exchange
-        if exchange.tick == end and exchange.phase is not Phase.NOTHING:
+        if exchange.tick >= exchange.last_tick(end) and exchange.phase is not Phase.NOTHING:
             return
         exchange.complete()
         if self._pace is not None:
