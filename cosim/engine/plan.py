@@ -225,17 +225,18 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
 
 
 def _followers(setup: Setup) -> Iterator[FollowerPlan]:
-    """Of the followers, those that do not compute their outputs in steps only."""
+    """Of the followers, those that are in no loop whose components compute their outputs in steps only."""
     if setup.measured is None:
         return
     layout, components = setup.layout, setup.schedule.components
+    kept = {m for loop in setup.loops if not setup.repeated.keys().isdisjoint(loop.components) for m in loop.components}
     for f in find_followers(setup.schedule, setup.loops, declared_or(setup.measured)):
-        whole = isinstance(f.what, AlgebraicLoop)
-        loops = [i for i, loop in enumerate(setup.loops) if f.what is loop or f.what in loop.components]
-        solved = [i for i in loops if setup.repeated.keys().isdisjoint(setup.loops[i].components)]
-        if solved if whole else f.what not in setup.repeated:
+        of = f.what.components if isinstance(f.what, AlgebraicLoop) else (f.what,)
+        if kept.isdisjoint(of):
+            loops = (i for i, loop in enumerate(setup.loops) if f.what is loop or f.what in loop.components)
             read = tuple(layout.reached(key) + k for key in f.reads for k in range(layout.width(key)))
-            yield FollowerPlan(-1 if whole else components.index(f.what), solved[0] if solved else -1, read)
+            number = -1 if isinstance(f.what, AlgebraicLoop) else components.index(f.what)
+            yield FollowerPlan(number, next(loops, -1), read)
 
 
 def _derivative(setup: Setup, loop: AlgebraicLoop, m: SystemComponent) -> DerivativePlan | None:

@@ -95,6 +95,24 @@ def test_a_component_that_computes_in_steps_only_keeps_what_it_has(folder, made)
     assert found["b.y"].tolist() == [0.0 if made is InSteps else 2.0, 2.0, 2.0]
 
 
+def test_what_computes_in_steps_only_keeps_all_of_its_loop(folder):
+    """Otherwise b.y would be of values that nobody shows: b reads c.a, which is in a loop through e."""
+    path, names = relay.build(3, folder), ["b.y", "c.a", "c.b", "e.y"]
+
+    def made() -> System:
+        system = chain(path, "e")  # whose output follows no input
+        system.add("b", path, step=STEP, parameters=JUMPS | {"gain": 0.4})
+        system.add("c", sloped.build(3, folder), step=STEP, parameters={"k": 0.0})
+        for source, target in (("e.y", "c.q"), ("c.a", "e.a"), ("c.a", "b.u"), ("b.y", "b.a")):
+            system.connect(source, target)
+        return system
+
+    found = first_row(made(), *names)
+    assert np.allclose(found, [1.0 / 0.6, 0.0, 0.0, 1.0], rtol=1e-8)
+    with made() as system:
+        assert_same(system.run(0.5, record=names), by_the_rule(system, 0.5, names))
+
+
 @pytest.mark.parametrize(("trouble", "follows"), [(0.0, True), (6.0, False)])
 @VERSIONS
 def test_a_co_simulation_fmu_follows_if_it_computes_between_steps(folder, version, trouble, follows):

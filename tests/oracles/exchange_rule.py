@@ -95,14 +95,16 @@ class Rule:
         events = loop is not None and any(self.has_events(k) for k in loop.components)
         known[value] = bool(moved) or events
         changed = any(self.published[k] != was[k] for key in moved for k in self.pieces(key))
-        if loop is not None and (changed or events) and not self.repeats(loop):
+        of = [m] if loop is None else loop.components
+        inside = [k for k in self.exchange.loops if any(component in k.components for component in of)]
+        if not (changed or events) or any(map(self.repeats, inside)):
+            return known[value]
+        if loop is not None:
             self.solve(loop)
-        elif loop is None and changed and m not in self.exchange.repeated:
-            inside = [k for k in self.exchange.loops if m in k.components and not self.repeats(k)]
-            if inside:
-                self.solve_values(inside[0])
-            else:
-                self.published |= self.outputs_without_a_step(m)
+        elif inside:
+            self.solve_values(inside[0])
+        else:
+            self.published |= self.outputs_without_a_step(m)
         return known[value]
 
     def direct(self, m: Any, output: str) -> list[Any]:
