@@ -75,13 +75,39 @@ def test_a_chain_follows_whatever_its_names(folder, version, isolated):
         assert first_row(chain(path, *names, isolated=isolated), *(f"{n}.y" for n in names)) == [1.0, 2.0, 4.0]
 
 
+@pytest.mark.parametrize("offset", [1.0, -1.0])
 @VERSIONS
-def test_an_exported_system_does_the_same(folder, version):
+def test_an_exported_system_does_the_same(folder, version, offset):
+    """With y = 1 + offset of the first one, which was 1."""
     with chain(relay.build(version, folder), "c", "b", "a") as system:
-        path = system.export_fmu(folder / f"Chain{version}.fmu", fmi=version)
+        system.components["c"].set({"gain": 1.0, "a": 1.0, "offset": offset})
+        path = system.export_fmu(folder / f"Chain{version}{int(offset > 0.0)}.fmu", fmi=version)
     system = System(allow_unconnected=True)
     system.add("s", path, step=STEP)
-    assert first_row(system, "s.c.y", "s.b.y", "s.a.y") == [1.0, 2.0, 4.0]
+    y = 1.0 + offset
+    assert first_row(system, "s.c.y", "s.b.y", "s.a.y") == [y, 2.0 * y, 4.0 * y]
+
+
+def test_what_changes_otherwise_is_not_followed(folder):
+    """The output b.a grows by 1 when initialization ends, and what b reads does not change."""
+    system = System()
+    system.add("s", relay.build(3, folder), step=STEP, parameters=PASSES)
+    system.add("b", sloped.build(3, folder), step=STEP, parameters={"trouble": 8.0})
+    system.add("c", Doubled(), step=STEP)
+    system.connect("s.y", "b.q")
+    system.connect("b.a", "c.u")
+    assert first_row(system, "b.a", "c.y") == [1.0, 0.0]
+
+
+def test_a_value_that_is_not_finite_is_named_where_it_is_made(folder):
+    """And nobody reads it."""
+    system = System()
+    infinite = JUMPS | {"gain": 1.0, "offset": 1e308}
+    system.add("b", relay.build(3, folder), step=STEP, parameters=infinite, start={"a": 1e308})
+    system.add("a", Doubled(), step=STEP)
+    system.connect("b.y", "a.u", linear=(0.25, 0.0))
+    with pytest.raises(CosimError, match="component 'b': y is inf"):
+        system.run(0.25)
 
 
 @pytest.mark.parametrize("made", [Doubled, Undeclared, InSteps])
@@ -189,6 +215,15 @@ def test_a_loop_that_a_delay_breaks_is_not_iterated(folder):
         assert_same(found, by_the_rule(system, 0.5, ["a.y", "b.y"]))
 
 
+def test_a_delayed_input_has_the_value_of_initialization(folder):
+    """Also where its source jumps, and the component computes its outputs again: 3 (0 + 1) + 1, not 3 (1 + 1) + 1."""
+    system = chain(relay.build(3, folder), "c")
+    system.add("a", relay.build(3, folder), step=STEP, parameters=JUMPS | {"gain": 3.0})
+    system.connect("c.y", "a.a")
+    system.connect("a.y", "a.u", delay=True)
+    assert first_row(system, "a.y") == [4.0]
+
+
 def looped(path: Path, *, isolated: bool = False) -> System:
     """The solution of x = 0.5 y + s and y = 0.5 x is 4/3 s and 2/3 s, where s jumps from 0 to 1; z = 2 y."""
     system = System()
@@ -213,19 +248,26 @@ def test_a_loop_is_solved_again_and_followed(folder, version, isolated):
 @pytest.mark.parametrize("version", [None, 2, 3])
 def test_a_loop_of_co_simulation_components_is_solved_again(folder, version):
     """In Python x = 2 y and y = x / 4 + s, and in an FMU a = sin(s) + a / 4."""
-    system = chain(relay.build(3, folder), "s")
-    if version is None:
-        system.add("x", Doubled(), step=STEP)
-        system.add("y", Summed(), step=STEP)
-        system.connect("x.y", "y.u", linear=(0.25, 0.0))
-        system.connect("y.y", "x.u")
-        system.connect("s.y", "y.v")
-        assert np.allclose(first_row(system, "x.y", "y.y"), [4.0, 2.0], rtol=1e-8)
-        return
-    system.add("x", sloped.build(version, folder), step=STEP)
-    system.connect("x.a", "x.q")
-    system.connect("s.y", "x.p")
-    assert np.allclose(first_row(system, "x.a"), np.sin(1.0) / 0.75, rtol=1e-8)
+    names = ["x.y", "y.y"] if version is None else ["x.a", "x.b"]
+
+    def made() -> System:
+        system = chain(relay.build(3, folder), "s")
+        if version is None:
+            system.add("x", Doubled(), step=STEP)
+            system.add("y", Summed(), step=STEP)
+            system.connect("x.y", "y.u", linear=(0.25, 0.0))
+            system.connect("y.y", "x.u")
+            system.connect("s.y", "y.v")
+        else:
+            system.add("x", sloped.build(version, folder), step=STEP)
+            system.connect("x.a", "x.q")
+            system.connect("s.y", "x.p")
+        return system
+
+    expected = 4.0 if version is None else np.sin(1.0) / 0.75
+    assert abs(first_row(made(), *names)[0] - expected) < 1e-8
+    with made() as system:
+        assert_same(system.run(0.5, record=names), by_the_rule(system, 0.5, names))
 
 
 class Summed(Doubled):
@@ -303,10 +345,12 @@ def test_a_request_in_the_first_event_iteration_ends_the_run_with_the_first_row(
         assert [found["a.y"][0], found["b.y"][0]] == [1.0, 2.0]
         assert found.stopped_by is not None
         assert "'a' asked to end the simulation" in found.stopped_by
+        system.disconnect("b.u")
+        system.connect("a.y", "b.u", delay=True)
         with system.initialize(record=["b.y"]) as simulation:
             assert "'a'" in (simulation.stepper(STEP)() or "")
             assert simulation.finished
-            assert len(simulation.recording) == 1
+            assert simulation.recording.time.tolist() == [simulation.time] == [0.0]
 
 
 def test_so_does_that_of_a_co_simulation_fmu(folder):
