@@ -358,7 +358,11 @@ def test_so_does_that_of_a_co_simulation_fmu(folder):
     with System(allow_unconnected=True) as system:
         system.add("e", eventful.build(folder), step=STEP, parameters=parameters)
         found = system.run(1.0, record=["e.count"])
-    assert found["e.count"].tolist() == [1.0]
+        assert found["e.count"].tolist() == [1.0]
+        system.add("b", relay.build(3, folder), step=STEP, parameters=PASSES)
+        system.connect("e.count", "b.u", delay=True)
+        with system.initialize(record=["e.count"]) as simulation:
+            assert "'e'" in (simulation.stepper(STEP)() or "")
     assert "'e' asked to end" in (found.stopped_by or "")
 
 

@@ -4,8 +4,8 @@
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
  * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
- * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. `calls` counts derivatives. With DISCRETE q is a discrete input: setting it in
- * step mode is an Error. */
+ * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. `calls` counts
+ * derivatives. With DISCRETE q is a discrete input: setting it in step mode is an Error. */
 #include <math.h>
 
 #include "../fmi_names.h"
