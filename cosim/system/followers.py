@@ -43,7 +43,7 @@ def find_followers(schedule: Schedule, loops: Sequence[AlgebraicLoop], depends: 
     def read(c: Connection) -> _Value:
         return solved.get((c.source, c.output.name), (c.source, c.output.name))
 
-    order = TopologicalSorter({value: {read(c) for c in into} - {value} for value, into in reads.items()})
+    order = TopologicalSorter({v: dict.fromkeys(u for c in into if (u := read(c)) != v) for v, into in reads.items()})
     order.prepare()
     moved: set[_Value] = set()
     found = []

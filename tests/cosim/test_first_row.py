@@ -14,6 +14,8 @@ from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
 
 from cosim import CosimError, PythonComponent, Recording, System
+from cosim.system.followers import find_followers
+from cosim.system.loops import declared
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -73,6 +75,24 @@ def test_a_chain_follows_whatever_its_names(folder, version, isolated):
     path = relay.build(version, folder)
     for names in (("a", "b", "c"), ("c", "b", "a"), ("b", "c", "a")):
         assert first_row(chain(path, *names, isolated=isolated), *(f"{n}.y" for n in names)) == [1.0, 2.0, 4.0]
+
+
+def test_what_is_followed_has_the_order_of_the_system(folder):
+    """Not that of hashes, which differ from process to process: exports are reproducible."""
+    names = [f"y{i}" for i in range(9)]
+
+    class Mixed(InSteps):
+        inputs, outputs = tuple(n.replace("y", "u") for n in names), ("sum", *names)
+        feedthrough = {"sum": inputs} | {n: (n.replace("y", "u"),) for n in names}
+
+    system = System()
+    system.add("m", Mixed(), step=STEP)
+    for n in names:
+        system.add(n, relay.build(3, folder), step=STEP)
+        system.connect(f"{n}.y", n.replace("y", "m.u"))
+    with system:
+        *_, found = find_followers(system.schedule(), (), declared)
+    assert [m.name for m, _ in found.reads] == names
 
 
 @pytest.mark.parametrize("offset", [1.0, -1.0])
