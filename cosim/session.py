@@ -331,9 +331,13 @@ class System(Wiring):
         self.end_simulation()
         interval = period if sampled else None
         with self._begin(schedule, record=chosen_out, record_interval=interval) as simulation:
+            if not sampled:
+                simulation.advance(after)
+            ending = simulation.exchange.ending
+            if ending is not None and simulation.exchange.tick >= ending[0]:
+                raise CosimError(ending[1])
             if sampled:
                 return sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
-            simulation.advance(after)
             return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
 
     def export_fmu(

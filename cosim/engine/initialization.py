@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from fractions import Fraction
 from typing import Any
 
@@ -55,7 +56,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     possible = undeclared(exchange.schedule)
     measured = measure(exchange.schedule, [m for m in possible if m in restored])
     for m in restored:
-        m.implementation.exit_initialization()
+        with suppress(EndRequested):  # the state says whether the run has ended
+            m.implementation.exit_initialization()
         saved = state.components[m.name]  # type: ignore[union-attr]
         if isinstance(saved, Packed):
             unpack(m, saved)

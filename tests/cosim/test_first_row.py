@@ -13,7 +13,8 @@ from foreign.making import redescribed
 from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
 
-from cosim import CosimError, PythonComponent, Recording, System
+from cosim import CosimError, PythonComponent, Recording, StopWhen, System, SystemState
+from cosim.batch import Batch
 from cosim.system.followers import find_followers
 from cosim.system.loops import declared
 
@@ -384,6 +385,56 @@ def test_so_does_that_of_a_co_simulation_fmu(folder):
         with system.initialize(record=["e.count"]) as simulation:
             assert "'e'" in (simulation.stepper(STEP)() or "")
     assert "'e' asked to end" in (found.stopped_by or "")
+
+
+class Held(InSteps):
+    kind = "discrete"
+
+
+def test_discrete_components_run_in_the_instant_of_such_a_request(folder):
+    with chain(relay.build(3, folder), "a") as system:
+        system.components["a"].set({"ends": 1.0})
+        system.add("c", Held(), step=STEP)
+        system.connect("a.y", "c.u")
+        for found in (system.run(1.0, record=["c.y"]), by_the_rule(system, 1.0, ["c.y"])):
+            assert found["c.y"].tolist() == [2.0]
+        with system.initialize(record=["c.y"]) as simulation:
+            step = simulation.stepper(STEP, stop_when=[StopWhen("c.y", ">=", 1.0)])
+            assert "'a'" in (step() or "")
+            simulation.restart()  # the stop condition holds here, too
+            assert "'a'" in (step() or "")
+            assert simulation.recording["c.y"].tolist() == [2.0]
+
+
+@VERSIONS
+def test_a_state_of_a_run_that_has_ended_there_can_be_restored(folder, version):
+    with chain(relay.build(version, folder), "a", "b") as system:
+        system.components["a"].set({"ends": 1.0})
+        with system.initialize(record=["b.y"]) as simulation:
+            saved = simulation.save().to_bytes()
+        found = system.run(0.5, record=["b.y"], state=SystemState.from_bytes(saved))
+    assert found["b.y"].tolist() == [2.0]
+    assert "'a' asked to end the simulation" in (found.stopped_by or "")
+
+
+def test_copies_of_a_batch_end_with_such_a_request(folder):
+    with chain(relay.build(3, folder), "b", "a") as system:
+        with pytest.warns(match="copy 1 ended at t = 0 s"):
+            batch = Batch(system, 3, start={"b.ends": [0.0, 1.0, 0.0]}, outputs=["a.y"])
+        assert batch.running.tolist() == [True, False, True]
+        assert [(f.copy, f.component, f.time) for f in batch.failures] == [(1, "b", 0.0)]
+        assert "'b' asked to end the simulation" in batch.failures[0].message
+        batch.advance(0.25)
+        assert np.isnan(batch.outputs[:, 0]).tolist() == [False, True, False]
+        assert len(batch.failures) == 1
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_no_linear_model_is_made_after_such_a_request(folder, discrete):
+    with chain(relay.build(3, folder), "a", "b") as system:
+        system.components["a"].set({"ends": 1.0})
+        with pytest.raises(CosimError, match="'a' asked to end the simulation"):
+            system.linearize(["a.a"], ["b.y"], discrete=discrete)
 
 
 def test_rows_by_hand_are_those_of_a_run(folder):
