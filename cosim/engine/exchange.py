@@ -24,11 +24,14 @@ with these, at most 100 times, until the values stay that its components read of
 Initialization ends with first event iterations: of Model Exchange FMUs, and of Co-Simulation FMUs with event mode. What
 depends directly on outputs that have changed there follows once, in the order of dependency: continuous components
 compute their outputs again, without a step, and loops are solved again. Discrete states are updated again in loops
-alone. Connections with a delay pass nothing on. A component that computes its outputs in steps only keeps them.
+alone. Connections with a delay pass nothing on. A component that computes its outputs in steps only keeps them, and so
+do all components in a loop with it. A discrete input of a Co-Simulation FMU with event mode is set in its first step.
+An exported system that holds such FMUs keeps its outputs, and what reads them follows in its first step: it counts as a
+Co-Simulation FMU without event mode.
 
 A component may ask to end the simulation. When its step was done the run ends at the end of that step, with an arrival
 and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced
-further.
+further. After a request in a first event iteration, that is the first instant.
 
 No component ever reads a NaN or an infinity that another one has made: outputs are checked as soon as they are there,
 and the first that is not finite ends the run (unless `allow_nan`).
