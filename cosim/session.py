@@ -331,9 +331,13 @@ class System(Wiring):
         self.end_simulation()
         interval = period if sampled else None
         with self._begin(schedule, record=chosen_out, record_interval=interval) as simulation:
+            if not sampled:
+                simulation.advance(after)
+            ending = simulation.exchange.ending
+            if ending is not None and simulation.exchange.tick >= ending[0]:
+                raise CosimError(ending[1])
             if sampled:
                 return sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
-            simulation.advance(after)
             return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
 
     def export_fmu(
@@ -369,7 +373,7 @@ class System(Wiring):
             self.end_simulation()  # initialization finds which loops there are, and how they are solved
             with self._begin(schedule) as started:
                 e, repeated = started.exchange, started.exchange.repeated
-            schedule = replace(schedule, loops=e.loops, possible_loops=())
+            schedule = replace(schedule, loops=e.loops, possible_loops=(), measured=e.measured or {})
         return export_fmu(
             schedule,
             Path(path),

@@ -226,6 +226,11 @@ class Description:
             self.event_mode and self.interface == "cs" and bool(variable.clocks or variable.variability == "discrete")
         )
 
+    @property
+    def begins_with_events(self) -> bool:
+        """Whether the master does a first event iteration after initialization; no FMU of this project needs one."""
+        return self.kind is None and (self.interface == "me" or self.event_mode)
+
     def feeds(self, input_: str, output: str) -> bool:
         """Whether an output depends on an input directly."""
         known = self.dependencies.get(output)

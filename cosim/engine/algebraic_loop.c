@@ -272,15 +272,43 @@ int engine_solve_events(Engine *e, int32_t loop) {
     return ENGINE_NO_SOLUTION;
 }
 
-int engine_solve_initial_events(Engine *e) {
-    e->environment = environment_bits();
-    int result = ENGINE_AT_END;
-    bool solved = false; /* what follows such a loop changes with it */
-    for (int32_t i = 0; i < e->n_loops && !result; i++) {
-        if (e->loops[i].repeats || !(solved || e->loops[i].n_read)) continue;
-        solved = true;
-        result = engine_solve_events(e, i);
+/* Whether what it reads has changed since `before`; not where that is not finite, which ends the run. */
+static bool has_changed(const Engine *e, const EngineFollower *f, const double *before) {
+    bool found = false;
+    for (uint32_t k = 0; k < f->n_read; k++) {
+        const double value = e->values[f->read[k]];
+        if (e->check_finite && !engine_finite(&value, 1)) return false;
+        if (value != before[f->read[k]]) found = true;
     }
-    if (solved && !result) engine_publish(e);
-    return result;
+    return found;
+}
+
+/* A component computes its outputs of its inputs as they are. A Co-Simulation FMU that refuses to do so without a step
+ * keeps those that it shows: if an input is the reason, its step says so. */
+static int compute(Engine *e, const EngineComponent *m) {
+    const int result = engine_exchange(e, m, NAN);
+    if (!result) engine_publish_outputs(e, m);
+    if (result != ENGINE_CALL_FAILED || m->integrated || e->status > ERROR) return result;
+    for (const EngineCopy *c = m->copies + m->n_copies_before; c < m->copies + m->n_copies; c++)
+        memcpy(e->values + c->from, e->values + c->to, c->n * sizeof(double));
+    return ENGINE_AT_END;
+}
+
+int engine_follow_events(Engine *e, double *before) {
+    e->environment = environment_bits();
+    for (const EngineComponent *m = e->components; m < e->components + e->n_components; m++) {
+        if (!m->begins_with_events) memcpy(before + m->first, m->y, m->n_outputs * sizeof(double));
+        engine_publish_outputs(e, m);
+    }
+    for (const EngineFollower *f = e->followers; f < e->followers + e->n_followers; f++) {
+        const bool whole = f->component < 0, changed = has_changed(e, f, before);
+        int result = ENGINE_AT_END;
+        if (changed || (whole && e->loops[f->loop].n_read))
+            result = whole          ? engine_solve_events(e, f->loop)
+                     : f->loop >= 0 ? engine_solve(e, f->loop)
+                                    : compute(e, &e->components[f->component]);
+        if (result) return result;
+    }
+    engine_publish(e);
+    return ENGINE_AT_END;
 }

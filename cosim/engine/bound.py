@@ -60,6 +60,16 @@ class BoundEngine:
         self._loops = self._array("EngineLoop", [*map(self._loop, plan.loops, self._work, self._starts)])
         e.loops, e.n_loops, e.n_late = self._loops, plan.n_running, plan.n_late
         e.n_initial = len(plan.loops) - plan.n_running - plan.n_late
+        e.followers, e.n_followers = (
+            self._array(
+                "EngineFollower",
+                [
+                    {"component": f.component, "loop": f.loop, "read": self._slots(f.read), "n_read": len(f.read)}
+                    for f in plan.followers
+                ],
+            ),
+            len(plan.followers),
+        )
         e.published = self._new(f"EngineCopy[{sum(len(m.published) for m in plan.components)}]")
         e.a, e.b, e.d = plan.time
         e.check_finite = not setup.allow_nan
@@ -170,9 +180,13 @@ class BoundEngine:
             self.raise_failure(result)
         return changes.astype(np.bool_)
 
-    def solve_initial_events(self) -> None:
-        """Solve loops again whose discrete states the first event iteration has changed."""
-        result = self._call(0, lambda: self._library.cosim_engine_solve_initial_events(self._state))
+    def follow_events(self, before: Array) -> None:
+        """Publish all outputs, and compute again what depends on those that first event iterations have changed.
+
+        `before`: all values before these, overwritten.
+        """
+        values = self._address("double*", before)
+        result = self._call(0, lambda: self._library.cosim_engine_follow_events(self._state, values))
         if result != self.AT_END:
             self.raise_failure(result)
 
@@ -237,6 +251,7 @@ class BoundEngine:
         copies = [*plan.previous, *plan.published]
         m.copies, m.n_copies = self._array("EngineCopy", [_copy(c) for c in copies]), len(copies)
         m.n_copies_before = len(plan.previous)
+        m.begins_with_events = plan.begins_with_events
         m.timestamp_slot = -1 if plan.timestamp_slot is None else plan.timestamp_slot
         if not plan.in_place:
             m.index, m.n_inputs = self._slots(plan.index), len(plan.index)

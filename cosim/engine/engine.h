@@ -105,6 +105,7 @@ typedef struct {
     int32_t direct;             /* there is one of each, and their data are u and y */
     int32_t foreign;            /* the floating-point environment is restored after its calls */
     int32_t integrated;         /* a step at NaN updates its discrete states alone: integrator.h */
+    int32_t begins_with_events; /* its outputs may change in a first event iteration, after initialization */
     uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineComponent;
 
@@ -145,6 +146,15 @@ typedef struct {
     int64_t n_solutions, n_evaluations, n_derivatives;
     int64_t most_evaluations;   /* for one solution */
 } EngineLoop;
+
+/* Where outputs that they read directly have changed in first event iterations, components compute their outputs again,
+ * and loops are solved. */
+typedef struct {
+    int32_t component;          /* -1: all of the loop */
+    int32_t loop;               /* which to solve instead, since the component is in it; -1: none */
+    const uint32_t *read;       /* of n_read: slots of these outputs */
+    uint32_t n_read;
+} EngineFollower;
 
 /* Calls of an FMU that save, restore and free its state; the same in FMI 2.0 and 3.0. */
 typedef uint32_t (*EngineState)(void *instance, void **state);
@@ -194,6 +204,8 @@ typedef struct {
     EngineLoop *loops;          /* in the order in which they are solved */
     int32_t n_loops, n_initial; /* those of each exchange, and behind them those of initialization only */
     int32_t n_late;             /* behind these, in the place of all of them where initial values do not settle */
+    const EngineFollower *followers; /* each after those that it depends on */
+    int32_t n_followers;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool check_finite;          /* an output that is NaN or infinite ends the run */
@@ -244,8 +256,10 @@ bool engine_finite(const double *y, size_t n);
 int engine_solve(Engine *e, int32_t loop);
 /* The same after initialization, and again as long as discrete states of integrated components follow the values. */
 int engine_solve_events(Engine *e, int32_t loop);
-/* The same of all loops with such components, after initialization. */
-int engine_solve_initial_events(Engine *e);
+/* After first event iterations: outputs are published, and followers follow, once each and without further updates of
+ * discrete states, but for loops with integrated components. Inputs with a delay have the values of initialization
+ * until then. `before`: all values before the iterations, overwritten. */
+int engine_follow_events(Engine *e, double *before);
 size_t engine_loop_work(int32_t n);
 /* Of all components: what was computed is published, and what is published becomes the previous value. */
 void engine_publish(Engine *e);

@@ -19,12 +19,19 @@ before it, and shows its outputs when its end is reached.
 
 Algebraic loops whose components are due are solved at the end of part 1, and again after part 2 where discrete
 components drive them. If discrete states of Model Exchange FMUs in a loop change with its solution, it is solved again
-with these, at most 100 times, until the values stay that its components read of each other. The same is done after the
-first event iterations; in the first instant, components that read a loop or such an FMU have the values from before.
+with these, at most 100 times, until the values stay that its components read of each other.
+
+Initialization ends with first event iterations: of Model Exchange FMUs, and of Co-Simulation FMUs with event mode. What
+depends directly on outputs that have changed there follows once, in the order of dependency: continuous components
+compute their outputs again, without a step, and loops are solved again. Discrete states are updated again in loops
+alone. Connections with a delay pass nothing on. A component that computes its outputs in steps only keeps them, and so
+do all components in a loop with it. A discrete input of a Co-Simulation FMU with event mode is set in its first step.
+An exported system that holds such FMUs keeps its outputs, and what reads them follows in its first step: it counts as a
+Co-Simulation FMU without event mode.
 
 A component may ask to end the simulation. When its step was done the run ends at the end of that step, with an arrival
 and a last sample (no component runs there); otherwise at its beginning, with the sample there and nobody advanced
-further.
+further. After a request in a first event iteration, that is the first instant.
 
 No component ever reads a NaN or an infinity that another one has made: outputs are checked as soon as they are there,
 and the first that is not finite ends the run (unless `allow_nan`).
@@ -216,6 +223,8 @@ class Exchange(Setup):
         If there are no previous values, the present instant is repeated from its beginning instead of completed: its
         arrival gives the same values.
         """
+        if self.tick >= self.last_tick(end) and self.phase is not Phase.NOTHING:
+            return
         if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.sample_times:
             self.recorder.count -= self.clocks[-1].due(self.tick)  # the provisional sample
             self.phase = Phase.NOTHING

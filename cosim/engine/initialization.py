@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
+from cosim.core.component import EndRequested
 from cosim.core.errors import CosimError, NotFinite, WiringError
 from cosim.engine.adaptive import AdaptiveSteps
 from cosim.engine.clock_networks import clock_networks
@@ -54,7 +56,8 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     possible = undeclared(exchange.schedule)
     measured = measure(exchange.schedule, [m for m in possible if m in restored])
     for m in restored:
-        m.implementation.exit_initialization()
+        with suppress(EndRequested):  # the state says whether the run has ended
+            m.implementation.exit_initialization()
         saved = state.components[m.name]  # type: ignore[union-attr]
         if isinstance(saved, Packed):
             unpack(m, saved)
@@ -68,7 +71,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     if possible:
         _settle(exchange, [m for m in fresh if m not in possible])
         measured |= measure(exchange.schedule, [m for m in possible if m in fresh])
-        exchange.loops = loops_of(exchange.schedule, measured)
+        exchange.loops, exchange.measured = loops_of(exchange.schedule, measured), measured
         exchange.forget()
     unsettled = _settle(exchange, fresh)
     if unsettled and not (restored or exchange.late_loops):
@@ -84,19 +87,22 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         ClockNetwork([m.implementation.clocked for m in p.components], p.ticks, p.wires)  # type: ignore[attr-defined]
         for p in clock_networks(exchange.schedule, lambda m: m.implementation.clocked.values)  # type: ignore[attr-defined]
     ]
-    for m in fresh:
-        m.implementation.exit_initialization()
-    for network in networks:
-        network.begin()
+    before = exchange.values.copy()
+    for begin_events in (*(m.implementation.exit_initialization for m in fresh), *(n.begin for n in networks)):
+        try:
+            begin_events()
+        except EndRequested as request:  # the run ends with the first row
+            exchange.ending = exchange.ending or (exchange.tick, str(request))
     for m in fresh:
         exchange.ports[m].get_outputs()
-    exchange.engine.publish()
     exchange.repeated = repeated_steps(exchange.schedule, exchange.loops, exchange.layout.ports, exchange.ports)
     if exchange.repeated:
         exchange.ports |= {m: step.ports for m, step in exchange.repeated.items()}
         exchange.forget()
-    if exchange.loops and not restored:
-        exchange.engine.solve_initial_events()
+    if restored:
+        exchange.engine.publish()
+    else:
+        exchange.engine.follow_events(before)
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)

@@ -30,7 +30,7 @@ EXPORT int cosim_engine_instant(
 }
 EXPORT int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick) { return engine_adaptive_cut(e, a, tick); }
 EXPORT void cosim_engine_publish(Engine *e) { engine_publish(e); }
-EXPORT int cosim_engine_solve_initial_events(Engine *e) { return engine_solve_initial_events(e); }
+EXPORT int cosim_engine_follow_events(Engine *e, double *before) { return engine_follow_events(e, before); }
 EXPORT int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values, bool late) {
     return (late ? engine_settle_late : engine_settle)(e, settles, before, n_values);
 }

@@ -79,7 +79,7 @@ int cosim_engine_instant(Engine *e, EngineAdaptive *a, double t, bool resumed, b
     bool advances);
 int cosim_engine_cut(Engine *e, EngineAdaptive *a, int64_t tick);
 void cosim_engine_publish(Engine *e);
-int cosim_engine_solve_initial_events(Engine *e);
+int cosim_engine_follow_events(Engine *e, double *before);
 int cosim_engine_settle(Engine *e, const bool *settles, double *before, size_t n_values, bool late);
 int32_t cosim_engine_save(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);
 int32_t cosim_engine_restore(const EngineStates *fmus, int32_t n, void **states, uint32_t *status);

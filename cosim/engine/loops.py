@@ -13,7 +13,7 @@ from cosim.core.description import Variable
 from cosim.core.errors import AlgebraicLoopWarning, CallFailed, CosimError, IsolationCrashed, LoopError
 from cosim.engine.values import PortLayout
 from cosim.system.components import SystemComponent
-from cosim.system.loops import AlgebraicLoop, declared, find_loops, numeric, require_solvable
+from cosim.system.loops import AlgebraicLoop, Depends, declared, find_loops, numeric, require_solvable
 from cosim.system.schedule import Schedule
 
 
@@ -32,6 +32,16 @@ def measure(schedule: Schedule, components: Iterable[SystemComponent]) -> dict[S
     return {m: _measured(schedule, m) for m in components}
 
 
+def declared_or(measured: Mapping[SystemComponent, Dependencies]) -> Depends:
+    """Direct dependencies as far as they are declared or measured."""
+
+    def depends(component: SystemComponent, output: str) -> frozenset[str] | None:
+        known = declared(component, output)
+        return measured.get(component, {}).get(output) if known is None else known
+
+    return depends
+
+
 def loops_of(schedule: Schedule, measured: Mapping[SystemComponent, Dependencies]) -> tuple[AlgebraicLoop, ...]:
     """The loops that are declared or measured; issues an AlgebraicLoopWarning for each that is only possible.
 
@@ -41,11 +51,7 @@ def loops_of(schedule: Schedule, measured: Mapping[SystemComponent, Dependencies
     if not schedule.possible_loops:
         return schedule.loops
 
-    def depends(component: SystemComponent, output: str) -> frozenset[str]:
-        known = declared(component, output)
-        return measured.get(component, {}).get(output, frozenset()) if known is None else known
-
-    found = tuple(find_loops(schedule.connections, depends))
+    found = tuple(find_loops(schedule.connections, declared_or(measured)))
     solved = {c for loop in found for c in loop.connections}
     for loop in found:
         require_solvable(loop)
@@ -68,18 +74,20 @@ def _warning(loop: AlgebraicLoop) -> str:
 def _measured(schedule: Schedule, component: SystemComponent) -> Dependencies:
     """Undeclared direct dependencies of connected outputs on connected inputs; none if they cannot be measured."""
     measure = getattr(component.implementation, "measure_dependencies", None)
-    if measure is None:
-        return {}
     connections = numeric(schedule.connections)
     inputs = [c.input for c in connections if c.target is component]
-    outputs = dict.fromkeys(c.output for c in connections if c.source is component)
+    connected = dict.fromkeys(c.output for c in connections if c.source is component)
+    outputs = [v for v in connected if declared(component, v.name) is None]
+    none = {v.name: frozenset[str]() for v in outputs}
+    if measure is None:
+        return none
     try:
-        found: Dependencies = measure(inputs, [v for v in outputs if declared(component, v.name) is None])
+        found: Dependencies = measure(inputs, outputs)
     except CosimError as error:
         if _lost(error):
             raise  # nothing of it can be called any more
-        return {}
-    return found
+        return none
+    return {**none, **found}
 
 
 def _lost(error: CosimError) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -11,10 +11,11 @@ from cosim.core.description import Variable
 from cosim.core.time import MOST_TICKS, TimeBase
 from cosim.engine.adaptive import AdaptiveSteps, tolerance_of_loops
 from cosim.engine.clock import Clock
-from cosim.engine.loops import RepeatedStep
+from cosim.engine.loops import RepeatedStep, declared_or
 from cosim.engine.recorder import Recorder
 from cosim.engine.values import EXACT, Index, Layout, make_layout
 from cosim.system.components import SystemComponent
+from cosim.system.followers import find_followers
 from cosim.system.loops import AlgebraicLoop
 from cosim.system.schedule import Schedule
 
@@ -50,6 +51,7 @@ class Setup:
         self.adaptive: AdaptiveSteps | None = None  # known when all components are initialized
         self.loops: tuple[AlgebraicLoop, ...] = schedule.loops  # initialization adds those that it measures
         self.late_loops: tuple[AlgebraicLoop, ...] = schedule.late_loops  # initialization adds them
+        self.measured = None if schedule.possible_loops else schedule.measured  # initialization measures them
         self.repeated: Mapping[SystemComponent, RepeatedStep] = {}  # in these loops; known when they are initialized
         self.base: TimeBase = schedule.time_base(start)
         self.layout: Layout = make_layout(schedule, record, watch)
@@ -86,6 +88,7 @@ class ComponentPlan:
     clock: int
     step: float
     check_before: bool
+    begins_with_events: bool
     previous: tuple[Copy, ...]
     published: tuple[Copy, ...]
     timestamp_slot: int | None
@@ -127,6 +130,15 @@ class LoopPlan:
 
 
 @dataclass(frozen=True)
+class FollowerPlan:
+    """What follows first event iterations; the names are those of `EngineFollower`."""
+
+    component: int
+    loop: int
+    read: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Plan:
     """A whole exchange; the names are those of `Engine`. `clocks` ends with the recorder's."""
 
@@ -135,6 +147,7 @@ class Plan:
     loops: tuple[LoopPlan, ...]
     n_running: int  # of the loops, those that are solved at each exchange; the others are so in initialization only
     n_late: int  # of the loops, the last ones: they take the place of all others where initial values do not settle
+    followers: tuple[FollowerPlan, ...]
     n_discrete: int
     clocks: tuple[Clock, ...]
     time: tuple[int, int, int]
@@ -158,6 +171,7 @@ def make_plan(setup: Setup) -> Plan:
         loops=tuple(_loop(setup, loop, own) for loop in (*setup.loops, *schedule.initial_loops, *setup.late_loops)),
         n_running=len(setup.loops),
         n_late=len(setup.late_loops),
+        followers=tuple(_followers(setup)),
         n_discrete=len(schedule.discrete),
         clocks=(*clocks, setup.clocks[-1]),
         time=setup.base.integers(),
@@ -173,6 +187,7 @@ def _component(layout: Layout, component: SystemComponent, clock: int, seidel: b
         clock=clock,
         step=float(component.step),
         check_before=seidel,
+        begins_with_events=component.description.begins_with_events,
         previous=tuple(_runs(previous)),
         published=tuple(_runs(published)),
         timestamp_slot=layout.sample_times.get(component),
@@ -193,22 +208,35 @@ def _loop(setup: Setup, loop: AlgebraicLoop, clocks: Sequence[int]) -> LoopPlan:
     repeats = any(m in setup.repeated for m in loop.components)
     derivatives = tuple(_derivative(setup, loop, m) for m in loop.components)
 
-    def latest(key: tuple[SystemComponent, Variable]) -> int:
-        return layout.latest.get(key, layout.visible[key])  # a discrete one shows its outputs at once
-
-    events = any(m.description.interface == "me" and m.description.kind is None for m in loop.components)
     return LoopPlan(
         components=numbers,
         clock=clocks[numbers[0]],
         follows_discrete=driven and not repeats,
         repeats=repeats,
         published=tuple(layout.visible[key] for key in loop.unknowns),
-        computed=tuple(latest(key) for key in loop.unknowns),
+        computed=tuple(layout.reached(key) for key in loop.unknowns),
         nominal=tuple(variable.nominal for _, variable in loop.unknowns),
         start=tuple(loop.first_guess),
         derivatives=derivatives if any(derivatives) else (),
-        read=tuple(dict.fromkeys(latest((c.source, c.output)) for c in loop.connections)) if events else (),
+        read=tuple(dict.fromkeys(layout.reached((c.source, c.output)) for c in loop.connections))
+        if loop.has_events
+        else (),
     )
+
+
+def _followers(setup: Setup) -> Iterator[FollowerPlan]:
+    """Of the followers, those that are in no loop whose components compute their outputs in steps only."""
+    if setup.measured is None:
+        return
+    layout, components = setup.layout, setup.schedule.components
+    kept = {m for loop in setup.loops if not setup.repeated.keys().isdisjoint(loop.components) for m in loop.components}
+    for f in find_followers(setup.schedule, setup.loops, declared_or(setup.measured)):
+        of = f.what.components if isinstance(f.what, AlgebraicLoop) else (f.what,)
+        if kept.isdisjoint(of):
+            loops = (i for i, loop in enumerate(setup.loops) if f.what is loop or f.what in loop.components)
+            read = tuple(layout.reached(key) + k for key in f.reads for k in range(layout.width(key)))
+            number = -1 if isinstance(f.what, AlgebraicLoop) else components.index(f.what)
+            yield FollowerPlan(number, next(loops, -1), read)
 
 
 def _derivative(setup: Setup, loop: AlgebraicLoop, m: SystemComponent) -> DerivativePlan | None:

@@ -8,7 +8,7 @@ import time as clock
 import warnings
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
@@ -125,6 +125,9 @@ class Simulation:
         self.guarded(lambda: initialize(self._exchange, self._stop_time, state))
         if self._exchange.clocks[-1].due(self._exchange.tick):
             self._exchange.recorder.sample(self.time)
+        if state is None and self._exchange.ending is not None:  # in a first event iteration: the run ends here
+            with suppress(Stop):
+                self.guarded(self._exchange.sample)
 
     def restart(self) -> None:
         """Reset and initialize all components with the values that they have now, as for a simulation of its own.
@@ -336,7 +339,7 @@ class Simulation:
     def _run_to_arrival(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
         """Run in pieces of about a twentieth of a second, for Ctrl-C and the progress bar, at no cost per instant."""
         exchange = self._exchange
-        if exchange.tick == end and exchange.phase is not Phase.NOTHING:
+        if exchange.tick >= exchange.last_tick(end) and exchange.phase is not Phase.NOTHING:
             return
         exchange.complete()
         if self._pace is not None:

@@ -124,6 +124,10 @@ class Layout:
     def _all_slots(self, copies: Iterable[tuple[int, int, tuple[SystemComponent, Variable]]]) -> list[tuple[int, int]]:
         return [(to + k, source + k) for to, source, key in copies for k in range(self.width(key))]
 
+    def reached(self, key: tuple[SystemComponent, Variable]) -> int:
+        """Slot that the component writes to: a discrete one shows its outputs at once."""
+        return self.latest.get(key, self.visible[key])
+
     def width(self, key: tuple[SystemComponent, Variable]) -> int:
         """Slots of a value."""
         return slots(self.sizes.get(key, 0))

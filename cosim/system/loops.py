@@ -56,6 +56,11 @@ class AlgebraicLoop:
         return [c for c in self.connections if place[c.source] >= place[c.target]]
 
     @property
+    def has_events(self) -> bool:
+        """Whether discrete states of its components may change with its values: of third-party Model Exchange FMUs."""
+        return any(m.description.interface == "me" and m.description.kind is None for m in self.components)
+
+    @property
     def names(self) -> str:
         """Its components, for messages."""
         return ", ".join(repr(m.name) for m in self.components)

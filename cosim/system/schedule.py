@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+from cosim.core.dependencies import Dependencies
 from cosim.core.description import RECORDABLE
 from cosim.core.errors import LoopError, WiringError
 from cosim.core.time import TimeBase, gcd, seconds_text
@@ -32,6 +33,9 @@ class Schedule:
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
     initial_loops: tuple[AlgebraicLoop, ...] = ()  # further ones that are solved in initialization only
     late_loops: tuple[AlgebraicLoop, ...] = ()  # `sampled_loops`, of a system that is exported
+    measured: Mapping[SystemComponent, Dependencies] = field(
+        default_factory=dict, hash=False
+    )  # direct dependencies that are not declared
     ticks: tuple[Connection, ...] = ()  # connections of clocks
     parameters: tuple[Connection, ...] = ()  # of calculated parameters to parameters
 

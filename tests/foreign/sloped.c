@@ -4,8 +4,8 @@
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
  * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
- * values for p < -1 returns Discard. `calls` counts derivatives. With DISCRETE q is a discrete input: setting it in
- * step mode is an Error. */
+ * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. `calls` counts
+ * derivatives. With DISCRETE q is a discrete input: setting it in step mode is an Error. */
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -64,10 +64,10 @@ INSTANTIATE(made())
 void F(FreeInstance)(Instance c) { free(c); }
 Status F(SetDebugLogging)(Instance c, Flag on, size_t n, const Text categories[]) { return F(OK); }
 SETUP((M->time = begin, M->sum = 0.0, F(OK)), F(OK))
-Status F(ExitInitializationMode)(Instance c) { return F(OK); }
+Status F(ExitInitializationMode)(Instance c) { return M->sum += M->value[TROUBLE] == 8.0, F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
-ACCESS(REAL, double, if (M->value[TROUBLE] == 7.0 && M->value[P] < -1.0) return F(Discard);
+ACCESS(REAL, double, if (M->value[TROUBLE] == 7.0 && M->value[P] < -1.0) return (value[0] = 1e3, F(Discard));
     EACH(value[i] = get(M, vr[i])),
     if (DISCRETE && M->stepping) for (size_t i = 0; i < n; i++) if (vr[i] == Q) return F(Error);
     EACH(M->value[vr[i]] = value[i]))

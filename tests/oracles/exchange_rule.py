@@ -10,15 +10,18 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from cosim import Execution, Record, Recording, StopWhen, System
 from cosim.core.component import EndRequested
 from cosim.core.errors import CosimError
+from cosim.engine.bound import BoundEngine
+from cosim.engine.exchange import Exchange
 from oracles.loop_rule import solve
 
 COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
@@ -36,7 +39,8 @@ class Rule:
         interval: Fraction | None,
         execution: Execution | None = None,
     ):
-        self.simulation = system.initialize(record=Record(record, interval), stop_time=stop, execution=execution)
+        with without_followers() as seen:
+            self.simulation = system.initialize(record=Record(record, interval), stop_time=stop, execution=execution)
         self.exchange = self.simulation.exchange
         self.schedule = self.exchange.schedule
         base = self.exchange.base
@@ -45,7 +49,7 @@ class Rule:
         self.sources = {(c.target, c.input): c for c in self.schedule.connections}
         # If one input of a component is converted, all are, some by a factor of 1.
         self.converting = {c.target for c in self.schedule.connections if (c.scale, c.offset) != (1.0, 0.0)}
-        layout, values = self.exchange.layout, self.exchange.values.tolist()
+        layout, ((settled, values),) = self.exchange.layout, seen
         self.published: dict[Key, float] = {
             piece: values[slot + k] for key, slot in layout.visible.items() for k, piece in enumerate(self.pieces(key))
         }
@@ -57,9 +61,80 @@ class Rule:
         }
         self.published_at = {m: values[slot] for m, slot in layout.sample_times.items()}
         self.evaluated: dict[Any, tuple[dict[Any, float], dict[Any, float]]] = {}  # inputs and outputs, in loops
-        self.ending: Fraction | None = None
+        self.ending: Fraction | None = None if self.exchange.ending is None else self.start
+        places = layout.visible | layout.latest
+        self.follow({k: settled[slot + i] for key, slot in places.items() for i, k in enumerate(self.pieces(key))})
 
     # The rule.
+
+    def follow(self, settled: dict[Key, float]) -> None:
+        """After first event iterations: what depends directly on outputs that have changed is computed again.
+
+        `settled`: all outputs before these.
+        """
+        self.published |= self.computed
+        was = {k: settled[k] if k[0].description.begins_with_events else y for k, y in self.published.items()}
+        known: dict[Any, bool] = {}
+        for m in self.schedule.continuous:
+            for output in m.description.outputs:
+                self.compute_again(m, output, was, known)
+        self.before = {key: self.published[key] for key in self.before}
+
+    def compute_again(self, m: Any, output: str, was: dict[Key, float], known: dict[Any, bool]) -> bool:
+        """An output, or a loop that it is in, after what it depends on; returns whether it may have changed."""
+        loop = next((k for k in self.exchange.loops if (m, output) in outputs_of(k)), None)
+        value = loop or (m, output)
+        if m.discrete or value in known:
+            return known.get(value, False)
+        known[value] = False  # for itself
+        read = [c for of in (outputs_of(loop) if loop else [value]) for c in self.direct(*of)]
+        moved = [
+            (c.source, c.output)
+            for c in read
+            if self.compute_again(c.source, c.output.name, was, known) or c.source.description.begins_with_events
+        ]
+        events = loop is not None and any(self.has_events(k) for k in loop.components)
+        known[value] = bool(moved) or events
+        changed = any(self.published[k] != was[k] for key in moved for k in self.pieces(key))
+        of = [m] if loop is None else loop.components
+        inside = [k for k in self.exchange.loops if any(component in k.components for component in of)]
+        if not (changed or events) or any(map(self.repeats, inside)):
+            return known[value]
+        if loop is not None:
+            self.solve(loop)
+        elif inside:
+            self.solve_values(inside[0])
+        else:
+            self.published |= self.outputs_without_a_step(m)
+        return known[value]
+
+    def direct(self, m: Any, output: str) -> list[Any]:
+        """Connections to inputs on which an output depends directly."""
+        known = m.description.dependencies.get(output)
+        inputs = (self.exchange.measured or {}).get(m, {}).get(output) if known is None else known
+        return [
+            c
+            for c in self.schedule.connections
+            if c.target is m and (inputs is None or c.input.name in inputs)
+            if not c.delay and not c.input.clocks and c.output.fmi_type not in ("String", "Binary")
+        ]
+
+    def repeats(self, loop: Any) -> bool:
+        """Whether components of a loop compute their outputs in steps only."""
+        return any(m in self.exchange.repeated for m in loop.components)
+
+    def has_events(self, m: Any) -> bool:
+        return m.description.interface == "me" and m.description.kind is None
+
+    def outputs_without_a_step(self, m: Any) -> dict[Key, float]:
+        """What a component computes of its inputs as they are published."""
+        port = self.exchange.layout.ports[m]
+        port.u[:] = self.read_by(m, port, None)
+        self.exchange.ports[m].set_inputs()
+        self.exchange.ports[m].get_outputs()
+        written = dict(zip(self.written(m, port), port.y.tolist(), strict=True))
+        self.computed |= written
+        return written
 
     def run(self, names: Sequence[str], stops: Sequence[StopWhen] = ()) -> Recording:
         """All instants from the start to the stop time."""
@@ -71,7 +146,7 @@ class Rule:
             for m in due:
                 self.publish(m, now)
             self.solve_loops(due, t)
-            if self.ending == t:
+            if self.ending == t > self.start:
                 if self.records(t):
                     times.append(now)
                     rows.append([self.value(n) for n in names])
@@ -144,17 +219,16 @@ class Rule:
         """Algebraic loops whose components are due: at their arrival, and after discrete components that drive them."""
         for loop in self.exchange.loops:
             driven = any(c.target in loop.components and c.source.discrete for c in self.schedule.connections)
-            repeated = any(m in self.exchange.repeated for m in loop.components)
             if loop.components[0] not in due or (t == self.start and not after_discrete):
                 continue
-            if after_discrete and (repeated or not driven):
+            if after_discrete and (self.repeats(loop) or not driven):
                 continue
             self.solve(loop)
 
     def solve(self, loop: Any) -> None:
         """The values of a loop, again while discrete states of its Model Exchange FMUs change with them."""
         self.solve_values(loop)
-        foreign = [m for m in loop.components if m.description.interface == "me" and m.description.kind is None]
+        foreign = [m for m in loop.components if self.has_events(m)]
         for _ in range(100 if foreign else 0):
             before, _ = self.sum_of(loop)
             for m in foreign:
@@ -212,11 +286,7 @@ class Rule:
             if offered and m in offered:
                 self.computed |= self.along(m, inputs, *offered[m], change)
             else:
-                port.u[:] = self.read_by(m, port, None)
-                self.exchange.ports[m].set_inputs()
-                self.exchange.ports[m].get_outputs()
-                written = dict(zip(self.written(m, port), port.y.tolist(), strict=True))
-                self.computed |= written
+                written = self.outputs_without_a_step(m)
                 self.evaluated[m] = inputs, {v: written[m, v] for v in port.outputs}
             self.published |= {key: y for key, y in self.computed.items() if key[0] is m}
         found = [self.computed[key] - x for key, x in zip(loop.unknowns, z, strict=True)]
@@ -293,6 +363,24 @@ class Rule:
             return self.published[m, v] if (m, v) in self.published else float(m.values.get(v.name, v.start))
         value = (self.before if c.delay else self.published)[c.source, c.output]
         return value if (c.scale, c.offset) == (1.0, 0.0) else value * c.scale + c.offset
+
+
+def outputs_of(loop: Any) -> dict[tuple[Any, str], None]:
+    """Outputs that a loop goes through."""
+    return dict.fromkeys((c.source, c.output.name) for c in loop.connections)
+
+
+@contextmanager
+def without_followers() -> Iterator[list[tuple[list[float], list[float]]]]:
+    """Initialization ends with the first event iterations; collects all values before and after these."""
+    seen: list[tuple[list[float], list[float]]] = []
+
+    def publish(engine: Any, before: Any) -> None:
+        seen.append((before.tolist(), engine._setup.values.tolist()))
+        engine.publish()
+
+    with patch.object(BoundEngine, "follow_events", publish), patch.object(Exchange, "sample"):
+        yield seen
 
 
 def by_the_rule(

@@ -119,6 +119,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
                             .due = part[12], .list = part[13], .published = part[14], .computed = part[15],
                             .loops = part[17], .n_loops = P->n_running, .n_late = P->n_late,
                             .n_initial = P->n_loops - P->n_running - P->n_late,
+                            .followers = P->followers, .n_followers = P->n_followers,
                             .check_finite = true, .back = container_repeat, .context = self};
     self->repeated = part[20];
     self->texts = part[21];

@@ -35,6 +35,7 @@ FmuStatus container_bind(FmuInstance *self) {
             .last = self->last + i,
             .foreign = p->folder != NULL,
             .integrated = p->integrated && p->folder,
+            .begins_with_events = p->begins_with_events,
             .no_set_prior = 0,
             .n_sets = p->n_sets,
             .n_gets = p->n_gets};

@@ -153,6 +153,7 @@ static FmuStatus check_finite(FmuInstance *self) {
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
     State *s = self->state;
     FmuStatus result = container_settle(self);
+    memcpy(self->before, self->values, P->n_values * sizeof *self->before);
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
         uint32_t status = component_exit(&self->components[i]);
         const Exchange *const steps = P->components[i].exchange;
@@ -168,11 +169,10 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++)
         if (get_outputs(self, i, &self->bound[i])) result = container_call_failed(self, i);
     container_say_changes(self);
-    engine_publish(&self->engine);
     if (result == FMU_OK) {
-        const int solved = engine_solve_initial_events(&self->engine);
-        if (solved == ENGINE_CALL_FAILED) result = container_call_failed(self, self->engine.component);
-        else if (solved) result = container_not_solved(self);
+        const int followed = engine_follow_events(&self->engine, self->before);
+        if (followed == ENGINE_CALL_FAILED) result = container_call_failed(self, self->engine.component);
+        else if (followed) result = container_not_solved(self);
     }
     if (result == FMU_OK) result = check_finite(self);
     s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;

@@ -65,6 +65,7 @@ typedef struct {
     double tolerance;
     const Exchange *exchange;        /* NULL: it steps itself */
     bool integrated;
+    bool begins_with_events;
     const void *setup;               /* IntegratorSetup, EventSetup or ClockedSetup; or NULL */
     const UpdateSetup *follows;      /* NULL: no input follows inside its steps */
     const uint32_t *exchange_references;
@@ -130,6 +131,8 @@ typedef struct {
     const EngineLoop *loops;         /* without work */
     int32_t n_loops, n_running;      /* all, and those that are solved after initialization too */
     int32_t n_late;                  /* the last ones, Engine.n_late */
+    const EngineFollower *followers;
+    int32_t n_followers;
     int64_t a, d;                    /* the tick is a / d seconds */
     uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
     uint32_t n_published;
