@@ -87,7 +87,7 @@ class Rule:
         if m.discrete or value in known:
             return known.get(value, False)
         known[value] = False  # for itself
-        read = [c for of in (outputs_of(loop) if loop else [value]) for c in self.direct(*of)]
+        read = [c for owner, name in (outputs_of(loop) if loop else [(m, output)]) for c in self.direct(owner, name)]
         moved = [
             (c.source, c.output)
             for c in read
