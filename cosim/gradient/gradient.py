@@ -161,8 +161,8 @@ class Gradient:
             if n
         ]
         lines += [
-            f"{name}: at t = {t:.9g} s a comparison changes its outcome with a parameter by 1e-8 of its value, so the"
-            " derivative may be that of one side only"
+            f"{name}: at t = {t:.9g} s, a change of a parameter by 1e-8 of its value gives a comparison another"
+            " outcome, so the derivative may be that of one side only"
             for name, t in self.ties.items()
         ]
         if self.mode == "adjoint":

@@ -33,9 +33,8 @@ class Schedule:
     possible_loops: tuple[AlgebraicLoop, ...] = ()  # where dependencies are not declared
     initial_loops: tuple[AlgebraicLoop, ...] = ()  # further ones that are solved in initialization only
     late_loops: tuple[AlgebraicLoop, ...] = ()  # `sampled_loops`, of a system that is exported
-    measured: Mapping[SystemComponent, Dependencies] = field(
-        default_factory=dict, hash=False
-    )  # direct dependencies that are not declared
+    # direct dependencies that are not declared
+    measured: Mapping[SystemComponent, Dependencies] = field(default_factory=dict, hash=False)
     ticks: tuple[Connection, ...] = ()  # connections of clocks
     parameters: tuple[Connection, ...] = ()  # of calculated parameters to parameters
 

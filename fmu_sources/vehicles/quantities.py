@@ -15,7 +15,7 @@ from build_fmus.component import source_fault, text_fault
 
 @dataclass(frozen=True)
 class Declared:
-    """Unit, limits, display unit and usual size of a field; the description stands in the pydantic field."""
+    """Unit, limits, display unit and usual size of a field; pydantic's own field has its description."""
 
     unit: str
     min: float

@@ -357,7 +357,7 @@ def test_ties_are_told_with_their_time(tmp_path: Path) -> None:
         found = system.gradient(metrics, "ramp.height", stop_time="0.05 s")
         assert found.ties == {"ramp": pytest.approx(0.05)}
         assert found["same"]["ramp.height"] == 1.0
-        assert "ramp: at t = 0.05 s a comparison changes its outcome" in str(found)
+        assert "ramp: at t = 0.05 s" in str(found)
         assert np.abs(found.trust().deviation[0, 0]) == pytest.approx(1.0)  # 1 or 0 beside the mean of both
         for height, ties in ((1.0 - 9e-9, found.ties), (1.0 + 9e-9, found.ties), (1.0 + 3e-8, {}), (1.5, {})):
             system["ramp"].set({"height": height})

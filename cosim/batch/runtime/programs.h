@@ -65,8 +65,8 @@ static double curvature(const Qp *qp, const QpCase *c, const lanes *weights, siz
 
 /* By row, which bound holds the solution: the upper one (1), the lower one (-1), both, which are one (2), or none. A
  * multiplier y pulls Az to the bound by about y a inv(H) a'. It holds nothing where that is less than Az is away from
- * there, or rounding in units that make the diagonal of H and the length of the row 1: OSQP leaves as much at rows that
- * were active in an earlier sample. Nor does a row of zeros. Returns how many rows hold. */
+ * there, or where y is rounding in units that make the diagonal of H and the length of the row 1: OSQP leaves as much
+ * at rows that were active in an earlier sample. A row of zeros holds nothing either. Returns how many rows hold. */
 static int find_sides(const Qp *qp, const QpCase *c, const lanes *data, const lanes *solution, int *side) {
     const int n = qp->n, m = qp->m;
     const lanes *const lower = data + n, *const upper = lower + m, *const weights = upper + m + 1;
