@@ -129,7 +129,8 @@ class Osqp:
         unit_rows: scale the rows of A to length 1.
         check_interval: iterations between checks for the end.
         infeasible: tolerance of the certificate that there is no feasible point.
-        fallback: takes over at the limit of iterations, without a warm start; its solution is the next start.
+        fallback: starts from the rows that OSQP found active, and makes the solution exact; at the limit of
+            iterations it starts from scratch, and its solution is OSQP's next start.
     """
 
     rho: float = 0.1

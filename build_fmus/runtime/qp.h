@@ -24,8 +24,9 @@ typedef struct Qp Qp;
 typedef struct {
     size_t (*scratch_size)(const Qp *qp); /* bytes */
     void (*setup)(const Qp *qp, void *scratch); /* once, on zeroed scratch */
-    /* z comes with the start value (memory of the last solution), y with zeros. On QP_SOLVED and QP_LIMIT_REACHED both
-     * are results, otherwise they may hold anything. `memory` is the back end's warm start; all zeros is a cold one.
+    /* z comes with the start value (memory of the last solution), y with zeros, or with multipliers of rows that are
+     * active in a solution found elsewhere. On QP_SOLVED and QP_LIMIT_REACHED both are results, otherwise they may hold
+     * anything. `memory` is the back end's warm start; all zeros is a cold one.
      * Finite bounds lie within +-QP_INFINITY, absent ones are +-QP_INFINITY, no lower bound exceeds its upper one. */
     QpStatus (*solve)(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations);
@@ -40,8 +41,8 @@ struct Qp {
     const QpCase *cases;
     const QpBackend *backend;
     const void *settings;
-    const Qp *
-        fallback; /* the same program for the solver that takes over at this one's limit of iterations; NULL for none */
+    const Qp *fallback; /* the same program for the solver that makes this one's solutions exact and takes over at its
+                         * limit of iterations; NULL for none */
     int n_terms;
     const double *terms; /* n_terms matrices n x n, symmetric */
 };

@@ -172,21 +172,24 @@ static int is_zero(const double *row, int n) {
     return 1;
 }
 
-/* Equations, rows of zeros, and the active rows of the last solution. */
-static QpStatus mark_rows(const Qp *qp, DAQPWorkspace *w, const double *memory, const double *l, const double *u) {
+/* Start with row i active at a bound that it has. */
+static void activate(DAQPWorkspace *w, int i, int lower, const double *l, const double *u) {
+    if (w->sense[i] || (lower ? l[i] <= -QP_INFINITY : u[i] >= QP_INFINITY)) return;
+    w->sense[i] = DAQP_ACTIVE | (lower ? DAQP_LOWER : 0);
+}
+
+/* Equations, rows of zeros, and the active rows of the last solution and of the multipliers y. */
+static QpStatus mark_rows(
+    const Qp *qp, DAQPWorkspace *w, const double *memory, const double *l, const double *u, const double *y) {
     for (int i = 0; i < w->m; i++) {
         if (is_zero(w->M + (size_t)i * (size_t)w->n, w->n)) {
             if (l[i] > qp->tolerance || u[i] < -qp->tolerance) return QP_INFEASIBLE;
             w->sense[i] = DAQP_IMMUTABLE; /* ignored */
         } else if (u[i] - l[i] < EQUAL) w->sense[i] = DAQP_ACTIVE | DAQP_IMMUTABLE;
+        if (y[i] != 0.0) activate(w, i, y[i] < 0.0, l, u);
     }
     const int count = (int)memory[0];
-    for (int k = 0; k < count; k++) {
-        const double entry = memory[1 + k];
-        const int lower = entry < 0.0, i = (int)(lower ? -entry : entry) - 1;
-        if (w->sense[i] || (lower ? l[i] <= -QP_INFINITY : u[i] >= QP_INFINITY)) continue;
-        w->sense[i] = DAQP_ACTIVE | (lower ? DAQP_LOWER : 0);
-    }
+    for (int k = 0; k < count; k++) activate(w, (int)fabs(memory[1 + k]) - 1, memory[1 + k] < 0.0, l, u);
     return QP_SOLVED;
 }
 
@@ -216,7 +219,8 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     s->problem.bupper = (c_float *)u;
     s->problem.blower = (c_float *)l;
     transform(w, q, l, u);
-    if (mark_rows(qp, w, memory, l, u) != QP_SOLVED) return QP_INFEASIBLE;
+    if (mark_rows(qp, w, memory, l, u, y) != QP_SOLVED) return QP_INFEASIBLE;
+    (void)memset(y, 0, (size_t)qp->m * sizeof(double));
 
     reset_daqp_workspace(w);
     if (daqp_activate_constraints(w) < 0) return QP_INFEASIBLE; /* equations that contradict each other */

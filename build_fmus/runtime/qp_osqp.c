@@ -6,7 +6,8 @@
  * solved with constant factors of its reduced form, which is dense and small because the programs are condensed.
  * Memory: the last iterate z and its multipliers, from which the next solve starts.
  *
- * A fallback takes over at the limit of iterations. It has its own part of scratch, and no warm start of its own. */
+ * A fallback, DAQP, solves each program again: from the rows that OSQP found active, which makes the solution exact, or
+ * at the limit of iterations from scratch. It has its own part of scratch, and no warm start of its own. */
 
 #include "qp_osqp.h"
 
@@ -202,22 +203,36 @@ static void multiply(const double *T, int transposed, int n, const double *from,
     }
 }
 
-/* Solve by the fallback; a solution becomes the start of the next solve, in place of the iterate that lies in memory.
- */
-static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *memory, const double *q,
+/* Keep the multipliers of the rows that hold the solution, those where it is closer to a bound than the multiplier; row
+ * and curvature are about 1 in these units. OSQP leaves others at rows that were active once. */
+static void keep_active(const Scratch *s, double *y) {
+    const double *z = s->work.z->values, *of = s->solution.y, *l = s->data.l->values, *u = s->data.u->values;
+    for (int i = 0; i < (int)s->data.m; i++)
+        if (!(z[i] - l[i] < -of[i] || u[i] - z[i] < of[i])) y[i] = 0.0;
+}
+
+/* Solve by the fallback, from what OSQP has `found`, or from scratch. OSQP continues from its own iterate in memory,
+ * since other multipliers can make it slower where they are not unique; only in place of an unfinished one it starts
+ * from the fallback's solution. */
+static QpStatus solve_again(const Qp *qp, const QpCase *data, Scratch *s, int found, double *memory, const double *q,
     const double *l, const double *u, double *z, double *y, int *iterations) {
     const Qp *f = qp->fallback;
+    const size_t n = (size_t)qp->n, m = (size_t)qp->m;
     int more = 0;
     (void)memset(s->fallback_memory, 0, memory_bytes(f));
-    (void)memset(y, 0, (size_t)qp->m * sizeof(double));
+    if (found) keep_active(s, y);
+    else (void)memset(y, 0, m * sizeof(double));
     const QpStatus status = f->backend->solve(
         f, f->cases + (data - qp->cases), s->fallback_scratch, s->fallback_memory, q, l, u, z, y, &more);
     *iterations += more;
-    if (status == QP_SOLVED) {
-        (void)memcpy(memory, z, (size_t)qp->n * sizeof(double));
-        (void)memcpy(memory + qp->n, y, (size_t)qp->m * sizeof(double));
+    if (found && status != QP_SOLVED) {
+        (void)memcpy(z, memory, n * sizeof(double));
+        (void)memcpy(y, memory + n, m * sizeof(double));
+    } else if (!found && status == QP_SOLVED) {
+        (void)memcpy(memory, z, n * sizeof(double));
+        (void)memcpy(memory + n, y, m * sizeof(double));
     }
-    return status;
+    return found ? QP_SOLVED : status;
 }
 
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
@@ -254,14 +269,15 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
         case OSQP_MAX_ITER_REACHED: break;
         default: /* no solution in the workspace: the start value */
             (void)memset(memory, 0, (size_t)(n + m) * sizeof(double));
-            return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
+            return qp->fallback ? solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
     }
     multiply(f->transform, 0, n, s->solution.x, z);
     for (int i = 0; i < m; i++) y[i] = e[i] * s->solution.y[i];
     (void)memcpy(memory, z, (size_t)n * sizeof(double));
     (void)memcpy(memory + n, y, (size_t)m * sizeof(double));
-    if (s->info.status_val == OSQP_SOLVED) return QP_SOLVED;
-    return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
+    const int found = s->info.status_val == OSQP_SOLVED;
+    if (qp->fallback) return solve_again(qp, data, s, found, memory, q, l, u, z, y, iterations);
+    return found ? QP_SOLVED : QP_LIMIT_REACHED;
 }
 
 /* An iterate and multipliers: any finite numbers are a start. */
