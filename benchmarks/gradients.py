@@ -4,8 +4,8 @@ The full car under GPC with preview; the HMMWV with hydraulic actuators under pr
 forces from a table, by the mass of its body and by the samples of the forces (docs/examples/open_loop_forces.py).
 
 Deviations are those of `Gradient.trust` at a relative step of 1e-6, from parameters by which the run is smooth: where
-runs on either side have taken the same sides of all comparisons to the end. The MPC has OSQP, which stops when its
-residual is 1e-7, or DAQP (MpcHmmwvTunable).
+runs on either side have taken the same sides of all comparisons to the end. The MPC has OSQP, whose solutions DAQP
+makes exact, or DAQP (MpcHmmwvTunable).
 
 All components have derivatives of their own; those that are followed by differences cost two more instances for each
 parameter.
