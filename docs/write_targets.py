@@ -10,11 +10,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]  # the project first: tests/ has a folder cosim, too
 
+from build_fmus.base.one_thread import one_thread  # noqa: E402
+
+one_thread()  # constants as in the FMUs
+
+import numpy as np  # noqa: E402
 from target.same_samples import declared, inputs_of, metrics_of, size_of  # noqa: E402
 
 from build_fmus.target.cycles import core_of  # noqa: E402

@@ -14,11 +14,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "target")]  # tests/ has a folder cosim, too
 
+from build_fmus.base.one_thread import one_thread  # noqa: E402
+
+one_thread()  # constants as in the FMUs
+
+import numpy as np  # noqa: E402
 from mpc_loops import LOOPS, mpc_loop  # noqa: E402
 from same_samples import declared, fmu_samples, inputs_of, metrics_of, size_of  # noqa: E402
 
