@@ -417,7 +417,7 @@ def measure(run: Run) -> Row:
     return {**row, **_OF.get(run.case.manoeuvre, lambda *_: {})(run, s)}
 
 
-remarks = semi_active.remarks
+FLAGS = semi_active.FLAGS
 
 
 def failed(_: Case, error: Exception) -> Row:
