@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 from cosim.experiments.gpc import EXPERIMENT
@@ -38,6 +39,8 @@ _QUANTITIES = (
     ("per_force", "Force-normalized effectiveness (24a)", "improvement per force [1/kN]"),
     ("per_power", "Power-normalized effectiveness (24b)", "improvement per power [1/kW]"),
 )
+_EFFORTS = {"force [N]": ("force", 1), "power [W]": ("power", 1), "peak force [N]": ("peak_force", 0)}
+"""Heading -> metric and decimals."""
 _OVER_SEEDS = "Lines are medians over the identification seeds, bands span all of them."
 
 
@@ -81,15 +84,6 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     ]
 
 
-def _provenance(view: View) -> dict[str, object]:
-    return {
-        "identification": IdentificationSettings().told(),
-        "identification seeds": list(view.results.seeds),
-        "roads": list(ROADS.values()),
-        "corners": list(CORNERS),
-    }
-
-
 report = StudyReport(
     EXPERIMENT,
     "Full car under generalized predictive control",
@@ -97,7 +91,12 @@ report = StudyReport(
     _parameters,
     _LOOKS,
     view=_view,
-    provenance=_provenance,
+    provenance=lambda view: {
+        "identification": IdentificationSettings().told(),
+        "identification seeds": list(view.results.seeds),
+        "roads": list(ROADS.values()),
+        "corners": list(CORNERS),
+    },
 )
 
 
@@ -143,8 +142,8 @@ def _curve(results: Results, key: str, name: str, speeds: Sequence[float], rows:
     x, y, low, high = (list(column) for column in zip(*points, strict=True))
     if not any(map(math.isfinite, y)):
         return None
-    alone = low == high
-    return Series(name, x, y, None if alone else low, None if alone else high, mode="line+markers")
+    band = (low, high) if low != high else (None, None)
+    return Series(name, x, y, *band, mode="line+markers")
 
 
 def _rows(of: Callable[..., Row | None], road: str, controller: str) -> Rows:
@@ -263,7 +262,6 @@ def _compared(results: Results, road: str, speed: float, controller: str) -> dic
         return round(Distribution(r[key] for r in rows).median, digits) if rows else None
 
     gain = Distribution([0.0] if passive else map(results.improvement, rows)) if rows else None
-    efforts = {"force [N]": ("force", 1), "power [W]": ("power", 1), "peak force [N]": ("peak_force", 0)}
     return {
         "speed [km/h]": speed,
         "controller": controller,
@@ -273,7 +271,7 @@ def _compared(results: Results, road: str, speed: float, controller: str) -> dic
         "improvement [-]": gain and round(gain.median, 4),
         "lowest [-]": gain and round(gain.low, 4),
         "highest [-]": gain and round(gain.high, 4),
-        **{heading: 0.0 if passive else median(key, digits) for heading, (key, digits) in efforts.items()},
+        **{heading: 0.0 if passive else median(key, digits) for heading, (key, digits) in _EFFORTS.items()},
     }
 
 
@@ -306,23 +304,12 @@ def _seeds(view: View) -> Content:
     controller has the published weight R = 1e-7: nothing is matched."""
     cases = {"sine": SINE_SPEED, "perryman3": results.worst_speed("perryman3"), "curb": CURB_SPEED}
     rows = []
-    for road, v, controller, seed in (
-        (r, v, c, s) for r, v in cases.items() for c in ACTIVE_CONTROLLERS for s in results.seeds
-    ):
+    for (road, v), controller, seed in product(cases.items(), ACTIVE_CONTROLLERS, results.seeds):
         r = results.published(road, v, controller, seed)
-        ran = not r["diverged"]
-        rows.append(
-            {
-                "road": _NAMES[road],
-                "speed [km/h]": v,
-                "controller": controller,
-                "seed": seed,
-                "improvement [-]": round(results.improvement(r), 4) if ran else None,
-                "force [N]": round(r["force"], 1) if ran else None,
-                "power [W]": round(r["power"], 1) if ran else None,
-                "peak force [N]": round(r["peak_force"], 0) if ran else None,
-            }
-        )
+        improvement = None if r["diverged"] else round(results.improvement(r), 4)
+        efforts = {h: None if r["diverged"] else round(r[key], digits) for h, (key, digits) in _EFFORTS.items()}
+        where = {"road": _NAMES[road], "speed [km/h]": v, "controller": controller, "seed": seed}
+        rows.append({**where, "improvement [-]": improvement, **efforts})
     yield Table.of("seeds", f"{R_TEXT}, {len(results.seeds)} identification seeds", rows)
 
 
