@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from cosim.report import Figure, Panel, Parameter, Series, Table, bars
 from cosim.report.fronts import non_dominated
 from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
-from cosim.study.pages import compared
+from cosim.study.pages import cells, compared
 
 _LOOKS: dict[str, Look] = {
     "passive": "black",
@@ -37,8 +36,7 @@ _SHOWN = (("passive", "skyhook-on-off", "add", "sh-add"), ("passive", "groundhoo
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    dampers = (replace(p, name=f"damper: {p.name}") for p in parameters(fmus.path(DAMPER)))
-    return [*parameters(fmus.path("RideCarHmmwv")), *dampers]
+    return [*parameters(fmus.path("RideCarHmmwv")), *parameters(fmus.path(DAMPER), prefix="damper: ")]
 
 
 report = StudyReport(EXPERIMENT, "Passive, semi-active and active suspension of one car", CLAIMS, _parameters, _LOOKS)
@@ -80,10 +78,8 @@ def _about(_: Results) -> Content:
 
 
 def _table(study: Results, systems: Iterable[str], road: str, id: str, title: str) -> Table:
-    shown = {k: m for k, m in METRICS.items() if k not in ("power_coil",)}
-    rows = [
-        {"system": NAMES[s]} | {m.heading: m.shown(study[at(s, road)][k]) for k, m in shown.items()} for s in systems
-    ]
+    shown = [k for k in METRICS if k != "power_coil"]
+    rows = [{"system": NAMES[s], **cells(METRICS, study[at(s, road)], shown)} for s in systems]
     return Table.of(id, title, rows, "Powers are means over time, of all four corners.")
 
 
@@ -159,8 +155,7 @@ def _force(study: Results) -> Content:
 @report.section("Steps")
 def _refinement(study: Results) -> Content:
     rows = [
-        {"steps": steps}
-        | {METRICS[k].heading: METRICS[k].shown(row[k]) for k in (COMFORT, ROAD_HOLDING, "power_taken")}
+        {"steps": steps, **cells(METRICS, row, (COMFORT, ROAD_HOLDING, "power_taken"))}
         for steps, row in with_finer_steps(study, at(REFINED)).items()
     ]
     yield Table.of("refinement", f"Results with finer steps, {NAMES[REFINED]}", rows, "Random road.")
