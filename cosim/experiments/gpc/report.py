@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -54,13 +54,9 @@ class View(NamedTuple):
 
 def _view(runs: Runs, fmus: FmuSet) -> View:
     results = Results(runs)
-    judge = Judge(results, _fitted(_parameters(fmus)))
+    chosen = [p for p in _parameters(fmus) if "000 figure" in p.source]  # with a figure of the paper in view
+    judge = Judge(results, "; ".join(f"{p.name} = {p.value:g} ({p.source})" for p in chosen))  # type: ignore[str-bytes-safe]
     return View(results, CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
-
-
-def _fitted(parameters: Iterable[Parameter]) -> str:
-    """What of the vehicle was chosen with a figure of the paper in view: its source says so."""
-    return "; ".join(f"{p.name} = {p.value:g} ({p.source})" for p in parameters if "000 figure" in p.source)  # type: ignore[str-bytes-safe]
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
@@ -142,8 +138,8 @@ def _curve(results: Results, key: str, name: str, speeds: Sequence[float], rows:
     x, y, low, high = (list(column) for column in zip(*points, strict=True))
     if not any(map(math.isfinite, y)):
         return None
-    band = (low, high) if low != high else (None, None)
-    return Series(name, x, y, *band, mode="line+markers")
+    alone = low == high
+    return Series(name, x, y, None if alone else low, None if alone else high, mode="line+markers")
 
 
 def _rows(of: Callable[..., Row | None], road: str, controller: str) -> Rows:

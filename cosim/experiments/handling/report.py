@@ -63,13 +63,10 @@ def _main_result(study: Results) -> Content:
         f"{NAMES[c]} {METRICS['understeer'].shown(study[at(c, 'steady')].get('understeer'))} deg per m/s2" for c in CARS
     )
     yield f"Understeer gradients at small lateral acceleration: {found}."
-    yield Figure("main-result", "Lateral acceleration against steering wheel angle", "ISO 4138.", [_against(study)])
-
-
-def _against(study: Results) -> Panel:
     signals = {NAMES[c]: study.signals(at(c, "steady")) for c in CARS}
     curves = [Series(name, [DEG * w for w in s["wheel"]], s["ay"]) for name, s in signals.items()]
-    return Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
+    panel = Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
+    yield Figure("main-result", "Lateral acceleration against steering wheel angle", "ISO 4138.", [panel])
 
 
 def _figure(study: Results, manoeuvre: str, *, random: bool = False) -> Figure:

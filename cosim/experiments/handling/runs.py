@@ -448,9 +448,7 @@ def _sines(_: Run, s: dict[str, Array]) -> Row:
 
 
 def _followed(run: Run, _: dict[str, Array]) -> Row:
-    if run.case.driven:
-        return {}
-    return {"offset": float(run.recording["driver.path.offset"].max())}
+    return {} if run.case.driven else {"offset": float(run.recording["driver.path.offset"].max())}
 
 
 def _straight(run: Run, s: dict[str, Array]) -> Row:
