@@ -296,8 +296,7 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
             system["kalman"].set({"use_road": True, "road.valid": True})
         else:
             system.add("map_speed", fmus.path("SpeedProfile"))
-            system.connect("map_speed.x", "map.x")
-            system.connect("map_speed.speed", "map.speed")
+            system.connect_matching("map_speed", "map")
     system.connect_matching(source, "controller", "preview.*")
 
 

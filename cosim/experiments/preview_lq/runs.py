@@ -134,8 +134,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("speed", fmus.path(SPEED))
     system.add("road", fmus.path(ROAD))
     system.add("car", fmus.path(CAR), step=exchange_step(EXCHANGE, case))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     system.connect_matching("road", "car", "road.*")
     if controller is not None:
         system.add("controller", controller)

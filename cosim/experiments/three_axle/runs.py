@@ -55,8 +55,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("road", fmus.path("RoadShallowTrench"))
     system.add("reference", fmus.path("PitchReference"))
     system.add("car", fmus.path("ThreeAxleRide"), step=exchange_step(EXCHANGE, case))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     system.connect_matching("road", "car", "road.*")
     controller = CONTROLLERS[case.controller]
     if controller is None:
