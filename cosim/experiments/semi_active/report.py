@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from cosim.experiments.semi_active.claims import CLAIMS, COMFORT, ROAD_HOLDING, 
 from cosim.experiments.semi_active.published import FAMILIES, NAMES, REFINED, SYSTEMS, at, family, without_hysteresis
 from cosim.experiments.semi_active.runs import BANDS, DAMPER, METRICS, invariant
 from cosim.experiments.steps import with_finer_steps
-from cosim.report import Figure, Panel, Parameter, Series, Table, bars
+from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve
 from cosim.report.fronts import non_dominated
 from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
@@ -32,7 +33,14 @@ _LOOKS: dict[str, Look] = {
     "LQR, active": ("gray", "solid"),
     "without hysteresis": ("gray", "dot"),
 }
-_SHOWN = (("passive", "skyhook-on-off", "add", "sh-add"), ("passive", "groundhook-on-off", "lqr", "mpc", "lqr, ideal"))
+_SHOWN = {
+    "hooks and ADD": ("passive", "skyhook-on-off", "add", "sh-add"),
+    "road holding and optimal control": ("passive", "groundhook-on-off", "lqr", "mpc", "lqr, ideal"),
+}
+_GAINS = {
+    "acceleration": ("body acceleration", "1/s", 1.0),
+    "tire": ("tire deflection", "ms", 1e3),
+}  # words, unit, factor
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
@@ -99,20 +107,17 @@ def _responses(study: Results) -> Content:
     ratios of spectra, which count all power that the road causes, as a control law that switches makes harmonics. At
     {frequency:.1f} Hz no suspension can change the acceleration of the body: {gain:.1f} 1/s."""
     panels = []
-    for number, systems in enumerate(_SHOWN):
-        for quantity, label in (("acceleration", "body acceleration [1/s]"), ("tire", "tire deflection [ms]")):
-            found = {NAMES[s]: study.signals(at(s, "rig")) for s in systems}
-            factor = 1.0 if quantity == "acceleration" else 1e3
-            curves = [Series(n, g["frequency"], factor * np.array(g[quantity])) for n, g in found.items()]
-            title = ("hooks and ADD", "road holding and optimal control")[number]
-            panels.append(Panel(title, "frequency [Hz]", label, curves, x_scale="log", y_scale="log"))
+    for (title, systems), (quantity, (words, unit, factor)) in product(_SHOWN.items(), _GAINS.items()):
+        curves = [curve(NAMES[s], study.signals(at(s, "rig")), quantity, factor, x="frequency") for s in systems]
+        label = f"{words} [{unit}]"
+        panels.append(Panel(title, "frequency [Hz]", label, curves, x_scale="log", y_scale="log"))
     caption = "Per velocity of the road, on the rig, class D at 50 km/h."
     yield Figure("responses", "Gain of body and tire over frequency", caption, panels, columns=2)
     rows = [
         {"system": NAMES[s]}
         | {
             f"{quantity} {low:g} to {high:g} Hz [{unit}]": f"{factor * study[at(s, 'rig')][f'{quantity}_{band}']:.2f}"
-            for quantity, unit, factor in (("acceleration", "1/s", 1.0), ("tire", "ms", 1e3))
+            for quantity, (_, unit, factor) in _GAINS.items()
             for band, (low, high) in BANDS.items()
         }
         for s in SYSTEMS
@@ -131,15 +136,14 @@ def _energy(study: Results) -> Content:
     yield Figure("energy", "Power from outside", "Random road, mean of all four corners.", [panel])
     rows = [
         {"system": NAMES[s]}
-        | {f"power given to the car, {n} [W]": f"{study[c]['power_given']:.3g}" for n, c in _hysteresis(s).items()}
+        | {
+            f"power given to the car, {words} [W]": f"{study[case]['power_given']:.3g}"
+            for words, case in (("with hysteresis", at(s)), ("without", without_hysteresis(s)))
+        }
         for s in FAMILIES["semi-active"]
     ]
     caption = "With hysteresis the damper returns a little where the velocity changes its sign."
     yield Table.of("passivity", "Power that dampers give to the car", rows, caption)
-
-
-def _hysteresis(system: str) -> dict[str, object]:
-    return {"with hysteresis": at(system), "without": without_hysteresis(system)}
 
 
 @report.section("Force of a damper")

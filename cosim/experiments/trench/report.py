@@ -68,14 +68,8 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
 
     The vehicle's right corners are left out, since they equal the left ones, and so are parameters that a run sets.
     """
-    aside = (
-        *(f".{k}." for k in SIX_CORNERS[1::2]),
-        "outline.left.",
-        "outline.right.",
-        "outline.points",
-        "trench.start",
-        "trench.length",
-    )
+    right = [f".{k}." for k in SIX_CORNERS[1::2]]
+    aside = (*right, "outline.left.", "outline.right.", "outline.points", "trench.start", "trench.length")
     vehicle = parameters(fmus.path("ThreeAxleTrench"), set_to={"solver.step": float(STEP)})
     limits = [
         Parameter(f"limit.{n}", getattr(LIMITS, n), LABELS[n].split("[")[1][:-1], "003 Table 5.3") for n in WEIGHTS
