@@ -49,11 +49,18 @@ def quantity(
     help: str,
     only: Only | None = None,
     label: Label = "",
+    *,
+    always: bool = False,
 ) -> Any:
     """A number, "preview error [ms]": name of the option and unit; labels of runs have its value and unit."""
     name, _, unit = what.removesuffix("]").partition(" [")
-    label = label or "{:g}" + unit.replace("/", "")
-    return option(default, name=name.replace(" ", "-"), unit=unit, within=within, help=help, only=only, label=label)
+    label, name = label or "{:g}" + unit.replace("/", ""), name.replace(" ", "-")
+    return option(default, name=name, unit=unit, within=within, help=help, only=only, label=label, always=always)
+
+
+def milliseconds(seconds: float) -> str:
+    """A time in the label of a run."""
+    return f"{1e3 * seconds:g}ms"
 
 
 def speed_option(

@@ -20,7 +20,7 @@ from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Map, Panel, Parameter, Report, Section, Series, Table
 from cosim.study import key
 from cosim.study.case import Field, differing
-from cosim.study.experiment import DefaultExchangeError, Experiment, Metric, resolved, undeclared
+from cosim.study.experiment import DefaultExchangeError, Experiment, Metric, Row, resolved, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.results import Results, RunFailed
 
@@ -182,6 +182,11 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
     if drawn:
         found.append(Section(f"Dependence of the metrics{about}", [], figures=drawn))
     return found
+
+
+def cells(metrics: Mapping[str, Metric], row: Row, names: Iterable[str] | None = None) -> dict[str, str]:
+    """Metrics of a run as people read them, by heading; `names`: which ones, None for all."""
+    return {metrics[k].heading: metrics[k].shown(row.get(k)) for k in names or metrics}
 
 
 def shown_metrics(experiment: Experiment, results: Results) -> dict[str, Metric]:

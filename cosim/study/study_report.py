@@ -12,7 +12,8 @@
     @report.section("All runs")
     def runs(study):
         yield "One row for each run."
-        yield Table.of("runs", "Runs", study, {"damping [N.s/m]": lambda c: c.damping})
+        rows = [{"damping [N.s/m]": case.damping, "comfort [m/s2]": row["comfort"]} for case, row in study.items()]
+        yield Table.of("runs", "Runs", rows)
 
 Sections appear in the order in which they are declared. A section yields texts, figures, tables and animations; the
 page shows its texts first. Lines of a text are joined, and an empty line begins a paragraph. A section that needs a

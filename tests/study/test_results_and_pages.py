@@ -35,7 +35,7 @@ from cosim.study import (
     parameters,
     provenance,
 )
-from cosim.study.pages import compared, failed_section, make_lead, report_of, sections
+from cosim.study.pages import cells, compared, failed_section, make_lead, report_of, sections
 
 
 @dataclass(frozen=True)
@@ -277,6 +277,11 @@ def test_a_lead_that_survives_a_failed_run() -> None:
 )
 def test_a_value_compared_in_words(value: float, words: str) -> None:
     assert compared(2 * value, 2.0) == words
+
+
+def test_cells_of_a_run() -> None:
+    assert cells(METRICS, {"heave": 0.0123456, "other": 1.0}) == {"peak heave [mm]": "12.35", "steps": "-"}
+    assert cells(METRICS, {"heave": 0.01, "count": 3}, ["count"]) == {"steps": "3"}
 
 
 def test_the_section_of_what_failed() -> None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from cosim.experiments.bench.published import JUDGED, LONG, SCENARIOS, SHORT, at, over_stretches
 from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, Case
-from cosim.study import ClaimList, Distribution, Results
+from cosim.study import ClaimList, Distribution, Results, Row
 from cosim.study.judges import Comparison, Quantities, View, compare
 
 NAMES = {
@@ -19,6 +19,11 @@ NAMES = {
     "mpc-moves": "MPC, weight on the moves",
 }
 NOTHING = 1e-6  # to which no ratio is taken
+
+
+def peak_force(row: Row) -> float:
+    """Largest force either way [N]."""
+    return float(max(row["force.max"], -row["force.min"]))
 
 
 def ratio(study: Results, scenario: str, metric: str, controller: str, base: str) -> float:
@@ -38,9 +43,7 @@ class BenchView(View):
     """Scenarios, or single runs; the samples of the random road are its stretches."""
 
     quantities: ClassVar[Quantities] = {
-        "peak force": lambda view, c, place: max(
-            (row := view.study[view.case(c, place)])["force.max"], -row["force.min"]
-        ),
+        "peak force": lambda view, c, place: peak_force(view.study[view.case(c, place)]),
         "unsolved": lambda view, _, run: float(view.study[run]["solver.status"] > 0),
     }
     words: Mapping[str, float] = {"height": BUMP_HEIGHT_MM}

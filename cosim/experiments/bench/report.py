@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import product
 
 from cosim.experiments.bench import EXPERIMENT, published
-from cosim.experiments.bench.claims import CLAIMS, NAMES, over_passive, ratio
+from cosim.experiments.bench.claims import CLAIMS, NAMES, over_passive, peak_force, ratio
 from cosim.experiments.bench.published import LONG, RANDOM, SCENARIOS, SHORT, STRETCHES, at
 from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, CONTROLLERS, LENGTH, METRICS, Case
 from cosim.experiments.steps import with_finer_steps
-from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve
+from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve, over_time
 from cosim.report.model import Look
-from cosim.study import Content, FmuSet, Results, Row, StudyReport, parameters
+from cosim.study import Content, FmuSet, Results, StudyReport, parameters
 from cosim.study.pages import compared
 from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, LQR_PERIOD, WEIGHTS
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, HORIZON, MPC_PERIOD
@@ -52,9 +52,9 @@ def _main_result(study: Results) -> Content:
     passive, lqr, mpc = (study[at(LONG, c)] for c in ("passive", "lqr", "mpc"))
     base, with_lqr, with_mpc = (row["acceleration"] for row in (passive, lqr, mpc))
     yield f"""Over a bump of {BUMP_HEIGHT_MM:g} mm in {SCENARIOS[LONG].duration:g} s, the rms acceleration of the body
-    is {with_lqr:.3g} m/s2 with the LQR (force up to {_peak(lqr):.3g} N) and {with_mpc:.3g} m/s2 with the MPC (up to
-    {_peak(mpc):.3g} N): {compared(with_lqr, base)} and {compared(with_mpc, base)} than the {base:.3g} m/s2 of the
-    passive bench."""
+    is {with_lqr:.3g} m/s2 with the LQR (force up to {peak_force(lqr):.3g} N) and {with_mpc:.3g} m/s2 with the MPC (up
+    to {peak_force(mpc):.3g} N): {compared(with_lqr, base)} and {compared(with_mpc, base)} than the {base:.3g} m/s2 of
+    the passive bench."""
     heights = {NAMES[c]: [study[at(s, c)]["acceleration"] for s in SCENARIOS] for c in CONTROLLERS}
     panel = bars("road [?]", METRICS["acceleration"].heading, [*SCENARIOS], heights)
     yield Figure("main-result", "Acceleration of the body by road and system", _RANDOM_IS, [panel])
@@ -86,13 +86,10 @@ def _forces(study: Results) -> Content:
     shares = [100 * ratio(study, LONG, "force", c, "lqr") for c in ("mpc", "mpc-moves")]
     yield f"""The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is
     {shares[0]:.0f} % of the LQR's over the longer bump, with the weight on the moves {shares[1]:.0f} %."""
-    panels = []
-    for s in (LONG, SHORT):
-        curves = [curve(NAMES[c], study.signals(at(s, c)), "force", end=1.5) for c in ("lqr", "mpc", "mpc-moves")]
-        panels.append(Panel(s, "time [s]", "force [N]", curves))
-    yield Figure(
-        "figure-9", "Actuator force, LQR and MPC (figure 9 of the paper)", "Bumps of 20 mm.", panels, columns=2
-    )
+    runs = {s: {NAMES[c]: study.signals(at(s, c)) for c in ("lqr", "mpc", "mpc-moves")} for s in (LONG, SHORT)}
+    panels = [p for s, shown in runs.items() for p in over_time(shown, [(s, "force [N]", "force", 1.0)], end=1.5)]
+    title = "Actuator force, LQR and MPC (figure 9 of the paper)"
+    yield Figure("figure-9", title, "Bumps of 20 mm.", panels, columns=2)
 
 
 @report.section("Random road")
@@ -146,20 +143,19 @@ def _limit(study: Results) -> Content:
 def _encoders(study: Results) -> Content:
     yield """The bench measures three positions; velocities are filtered differences. rms acceleration of the body with
     exact and with measured states."""
-    rows = []
-    for s, c in product(SCENARIOS, published.CONTROLLED):
-        exact, measured = (study[at(s, c, encoders=e)] for e in (False, True))
-        rows.append(
-            {
-                "road": s,
-                "system": NAMES[c],
-                "exact states [m/s2]": round(exact["acceleration"], 3),
-                "encoders [m/s2]": round(measured["acceleration"], 3),
-                "change [%]": round(100 * (measured["acceleration"] / exact["acceleration"] - 1), 1),
-                "largest force [N]": round(measured["force.max"], 3),
-                "smallest force [N]": round(measured["force.min"], 3),
-            }
-        )
+    rows = (
+        {
+            "road": s,
+            "system": NAMES[c],
+            "exact states [m/s2]": round(exact["acceleration"], 3),
+            "encoders [m/s2]": round(measured["acceleration"], 3),
+            "change [%]": round(100 * (measured["acceleration"] / exact["acceleration"] - 1), 1),
+            "largest force [N]": round(measured["force.max"], 3),
+            "smallest force [N]": round(measured["force.min"], 3),
+        }
+        for s, c in product(SCENARIOS, published.CONTROLLED)
+        for exact, measured in [(study[at(s, c)], study[at(s, c, encoders=True)])]
+    )
     yield Table.of("encoders", "States from encoders", rows, _RANDOM_IS)
 
 
@@ -189,7 +185,7 @@ def _refinement(study: Results) -> Content:
             "steps": steps,
             "system": NAMES[c],
             "rms acceleration [m/s2]": found[c][steps]["acceleration"],
-            "peak force [N]": _peak(found[c][steps]),
+            "peak force [N]": peak_force(found[c][steps]),
             "change of the acceleration [%]": 100
             * (found[c][steps]["acceleration"] / study[at(SHORT, c)]["acceleration"] - 1),
         }
@@ -197,7 +193,3 @@ def _refinement(study: Results) -> Content:
     )
     caption = "Solver step and communication step of the plant; controllers and road keep their sample times."
     yield Table.of("refinement", f"Results with finer steps, {SHORT}", rows, caption)
-
-
-def _peak(metrics: Row) -> float:
-    return max(metrics["force.max"], -metrics["force.min"])

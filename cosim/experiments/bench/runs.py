@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import rms
-from cosim.experiments.options import Controlled, tunable_option
+from cosim.experiments.options import Controlled, milliseconds, quantity, tunable_option
 from cosim.experiments.steps import exchange_step, set_solver_step
 from cosim.study import FmuSet, Metric, Row, Run, option
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
@@ -47,33 +47,14 @@ class Case(Controlled):
 
     controller: str = option("mpc", choices=CONTROLLERS, help="control of the bench", always=True)
     road: str = option("bump", choices=ROADS, help="motion of the road", always=True)
-    duration: float = option(
-        BUMP_DURATION,
-        unit="s",
-        within=(0.01, LENGTH["bump"]),
-        only=_BUMP,
-        help="duration of the bump",
-        label=lambda s: f"{1e3 * s:g}ms",
-        always=True,
+    duration: float = quantity(
+        "duration [s]", BUMP_DURATION, (0.01, LENGTH["bump"]), "duration of the bump", _BUMP, milliseconds, always=True
     )
-    height_mm: float = option(
-        BUMP_HEIGHT_MM,
-        unit="mm",
-        within=(-100, 100),
-        only=_BUMP,
-        name="height",
-        help="height of the bump",
-        label="{:g}mm",
-    )
+    height_mm: float = quantity("height [mm]", BUMP_HEIGHT_MM, (-100, 100), "height of the bump", _BUMP)
     encoders: bool = option(False, only=_CONTROLLED, help="states from quantized encoders")
     tunable: bool = tunable_option((lambda c: c.controller == "mpc", "the controller mpc"))
-    offset: float = option(
-        0.0,
-        unit="s",
-        within=(0.0, 1e5),
-        only=_RANDOM,
-        help="where in the random motion the run starts",
-        label="from-{:g}s",
+    offset: float = quantity(
+        "offset [s]", 0.0, (0.0, 1e5), "where in the random motion the run starts", _RANDOM, "from-{:g}s"
     )
 
     @property

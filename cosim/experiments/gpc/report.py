@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 from cosim.experiments.gpc import EXPERIMENT
@@ -38,6 +39,8 @@ _QUANTITIES = (
     ("per_force", "Force-normalized effectiveness (24a)", "improvement per force [1/kN]"),
     ("per_power", "Power-normalized effectiveness (24b)", "improvement per power [1/kW]"),
 )
+_EFFORTS = {"force [N]": ("force", 1), "power [W]": ("power", 1), "peak force [N]": ("peak_force", 0)}
+"""Heading -> metric and decimals."""
 _OVER_SEEDS = "Lines are medians over the identification seeds, bands span all of them."
 
 
@@ -51,13 +54,9 @@ class View(NamedTuple):
 
 def _view(runs: Runs, fmus: FmuSet) -> View:
     results = Results(runs)
-    judge = Judge(results, _fitted(_parameters(fmus)))
+    chosen = [p for p in _parameters(fmus) if "000 figure" in p.source]  # with a figure of the paper in view
+    judge = Judge(results, "; ".join(f"{p.name} = {p.value:g} ({p.source})" for p in chosen))  # type: ignore[str-bytes-safe]
     return View(results, CLAIMS.judge(judge, judge.singles(), "identifications"), fmus.name(PLANT))
-
-
-def _fitted(parameters: Iterable[Parameter]) -> str:
-    """What of the vehicle was chosen with a figure of the paper in view: its source says so."""
-    return "; ".join(f"{p.name} = {p.value:g} ({p.source})" for p in parameters if "000 figure" in p.source)  # type: ignore[str-bytes-safe]
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
@@ -81,15 +80,6 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     ]
 
 
-def _provenance(view: View) -> dict[str, object]:
-    return {
-        "identification": IdentificationSettings().told(),
-        "identification seeds": list(view.results.seeds),
-        "roads": list(ROADS.values()),
-        "corners": list(CORNERS),
-    }
-
-
 report = StudyReport(
     EXPERIMENT,
     "Full car under generalized predictive control",
@@ -97,7 +87,12 @@ report = StudyReport(
     _parameters,
     _LOOKS,
     view=_view,
-    provenance=_provenance,
+    provenance=lambda view: {
+        "identification": IdentificationSettings().told(),
+        "identification seeds": list(view.results.seeds),
+        "roads": list(ROADS.values()),
+        "corners": list(CORNERS),
+    },
 )
 
 
@@ -263,7 +258,6 @@ def _compared(results: Results, road: str, speed: float, controller: str) -> dic
         return round(Distribution(r[key] for r in rows).median, digits) if rows else None
 
     gain = Distribution([0.0] if passive else map(results.improvement, rows)) if rows else None
-    efforts = {"force [N]": ("force", 1), "power [W]": ("power", 1), "peak force [N]": ("peak_force", 0)}
     return {
         "speed [km/h]": speed,
         "controller": controller,
@@ -273,7 +267,7 @@ def _compared(results: Results, road: str, speed: float, controller: str) -> dic
         "improvement [-]": gain and round(gain.median, 4),
         "lowest [-]": gain and round(gain.low, 4),
         "highest [-]": gain and round(gain.high, 4),
-        **{heading: 0.0 if passive else median(key, digits) for heading, (key, digits) in efforts.items()},
+        **{heading: 0.0 if passive else median(key, digits) for heading, (key, digits) in _EFFORTS.items()},
     }
 
 
@@ -306,23 +300,12 @@ def _seeds(view: View) -> Content:
     controller has the published weight R = 1e-7: nothing is matched."""
     cases = {"sine": SINE_SPEED, "perryman3": results.worst_speed("perryman3"), "curb": CURB_SPEED}
     rows = []
-    for road, v, controller, seed in (
-        (r, v, c, s) for r, v in cases.items() for c in ACTIVE_CONTROLLERS for s in results.seeds
-    ):
+    for (road, v), controller, seed in product(cases.items(), ACTIVE_CONTROLLERS, results.seeds):
         r = results.published(road, v, controller, seed)
-        ran = not r["diverged"]
-        rows.append(
-            {
-                "road": _NAMES[road],
-                "speed [km/h]": v,
-                "controller": controller,
-                "seed": seed,
-                "improvement [-]": round(results.improvement(r), 4) if ran else None,
-                "force [N]": round(r["force"], 1) if ran else None,
-                "power [W]": round(r["power"], 1) if ran else None,
-                "peak force [N]": round(r["peak_force"], 0) if ran else None,
-            }
-        )
+        improvement = None if r["diverged"] else round(results.improvement(r), 4)
+        efforts = {h: None if r["diverged"] else round(r[key], digits) for h, (key, digits) in _EFFORTS.items()}
+        where = {"road": _NAMES[road], "speed [km/h]": v, "controller": controller, "seed": seed}
+        rows.append({**where, "improvement [-]": improvement, **efforts})
     yield Table.of("seeds", f"{R_TEXT}, {len(results.seeds)} identification seeds", rows)
 
 

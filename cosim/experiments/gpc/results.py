@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -119,18 +119,14 @@ class Results:
         return Distribution(100 * self.improvement(self.published(road, speed, controller, s)) for s in self.seeds)
 
     def at_equal_response(
-        self, road: str, speed: float, controllers: Iterable[str], value: Callable[..., float]
+        self, road: str, speed: float, controllers: Sequence[str], value: Callable[..., float]
     ) -> Distribution | None:
         """`value(row of each controller ...)` over the seeds in which all these controllers have explicit's response.
 
         None if there is no such seed.
         """
-        controllers = tuple(controllers)
-        found = []
-        for seed in self.seeds:
-            rows = [self.matched(road, speed, controller, seed) for controller in controllers]
-            if all(row is not None for row in rows):
-                found.append(value(*rows))
+        by_seed = ([self.matched(road, speed, c, seed) for c in controllers] for seed in self.seeds)
+        found = [value(*rows) for rows in by_seed if None not in rows]
         of = "seeds" if len(found) == len(self.seeds) else f"seeds of {len(self.seeds)} that could be matched"
         return Distribution(found, of) if found else None
 
@@ -152,11 +148,11 @@ class Results:
     def moves(self) -> list[tuple[Row, str, dict[str, float]]]:
         """Refined runs in words, with the relative changes of their metrics; NaN where one diverged."""
         rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.refinement}
-        found = []
-        for (road, v, controller, words), r in rows.items():
-            if words != "as run":
-                found.append((r, words, _moves(r, self._row(rows, (road, v, controller, "as run")))))
-        return found
+        return [
+            (r, words, _moves(r, self._row(rows, (*where, "as run"))))
+            for (*where, words), r in rows.items()
+            if words != "as run"
+        ]
 
     def largest_move(self) -> float:
         """Largest relative change of a metric when steps are halved; inf where a run diverges."""

@@ -18,7 +18,7 @@ from cosim import Recording, StopWhen, System
 from cosim.core.signals import columns, peak, rms
 from cosim.experiments.gpc.assumed import Drop, EarlySample, MeasuredRoad, built_controller, insert, other_road
 from cosim.experiments.metrics import response as metrics
-from cosim.experiments.options import Controlled, speed_option
+from cosim.experiments.options import Controlled, quantity, speed_option
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.fmu.file import FmuFile
 from cosim.study import FmuSet, Metric, Row, Run, option
@@ -115,13 +115,8 @@ class OpenCase(Controlled):
         label="actuator-at-{}",
         only=_CONTROLLED,
     )
-    limit: float = option(
-        FORCE_LIMIT,
-        unit="N",
-        within=(1.0, 1e7),
-        help="force limit of each actuator",
-        label="limit-{:g}N",
-        only=_CONTROLLED,
+    limit: float = quantity(
+        "limit [N]", FORCE_LIMIT, (1.0, 1e7), "force limit of each actuator", _CONTROLLED, "limit-{:g}N"
     )
     road_roll_off: float = option(
         0.0,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
 from math import pi
 
 from cosim.experiments.handling import EXPERIMENT, published
 from cosim.experiments.handling.claims import CLAIMS
 from cosim.experiments.handling.published import at, controlled, controlled_rollover, j_turns, rollover, rough
-from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, NAMES, REDESIGNED, Case
+from cosim.experiments.handling.runs import CARS, MANOEUVRES, METRICS, NAMES, REDESIGNED
 from cosim.report import Figure, Panel, Parameter, Series, Table, curve, over_time
 from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
+from cosim.study.pages import cells
 
 LAWS = {
     "passive": "passive (baseline)",
@@ -43,7 +42,7 @@ _PANELS = (
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    return [replace(p, name=f"{NAMES[c]}: {p.name}") for c, fmu in CARS.items() for p in parameters(fmus.path(fmu))]
+    return [p for c, fmu in CARS.items() for p in parameters(fmus.path(fmu), prefix=f"{NAMES[c]}: ")]
 
 
 report = StudyReport(
@@ -64,13 +63,10 @@ def _main_result(study: Results) -> Content:
         f"{NAMES[c]} {METRICS['understeer'].shown(study[at(c, 'steady')].get('understeer'))} deg per m/s2" for c in CARS
     )
     yield f"Understeer gradients at small lateral acceleration: {found}."
-    yield Figure("main-result", "Lateral acceleration against steering wheel angle", "ISO 4138.", [_against(study)])
-
-
-def _against(study: Results) -> Panel:
     signals = {NAMES[c]: study.signals(at(c, "steady")) for c in CARS}
     curves = [Series(name, [DEG * w for w in s["wheel"]], s["ay"]) for name, s in signals.items()]
-    return Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
+    panel = Panel("", "steering wheel [deg]", "lateral acceleration [m/s2]", curves)
+    yield Figure("main-result", "Lateral acceleration against steering wheel angle", "ISO 4138.", [panel])
 
 
 def _figure(study: Results, manoeuvre: str, *, random: bool = False) -> Figure:
@@ -126,10 +122,10 @@ def _suspension(study: Results) -> Content:
         panels = over_time(runs, [("", "roll angle [deg]", "roll", DEG)])
         title = f"Roll angle: {MANOEUVRES[manoeuvre].about}"
         yield Figure(f"roll-{manoeuvre}", title, "Positive: left side up.", panels)
-    rows = [{"control law": n, **_shown(study, controlled(c, "obstacle"), _HANDLING)} for c, n in LAWS.items()]
+    rows = [{"control law": n, **cells(METRICS, study[controlled(c, "obstacle")], _HANDLING)} for c, n in LAWS.items()]
     yield Table.of("control-obstacle", "Obstacle avoidance", rows)
     rows = [
-        {"control law": n, **_shown(study, controlled(c, "step"), _TURNING)}
+        {"control law": n, **cells(METRICS, study[controlled(c, "step")], _TURNING)}
         | {"steering wheel at which all wheels of a side lift [deg]": _threshold(study.found(controlled_rollover(c)))}
         for c, n in LAWS.items()
     ]
@@ -140,16 +136,12 @@ def _suspension(study: Results) -> Content:
     their limits."""
     rows = [
         {"control law": LAWS[c], "designed on": where}
-        | _shown(study, controlled(c, "lane-change", design=design), _HANDLING[:8])
-        | _shown(study, controlled(c, "straight", design=design), _COMFORT)
+        | cells(METRICS, study[controlled(c, "lane-change", design=design)], _HANDLING[:8])
+        | cells(METRICS, study[controlled(c, "straight", design=design)], _COMFORT)
         for c in REDESIGNED
         for where, design in (("this car", "car"), ("the car of paper 001", "paper"))
     ]
     yield Table.of("control-designs", "LQR and MPC designed on this car and on that of the paper", rows)
-
-
-def _shown(study: Results, case: Case, metrics: Iterable[str]) -> dict[str, str]:
-    return {METRICS[k].heading: METRICS[k].shown(study[case].get(k)) for k in metrics}
 
 
 def _roll_against(study: Results, metric: str) -> Panel:
@@ -164,8 +156,8 @@ def _roll_against(study: Results, metric: str) -> Panel:
 def _law_table(study: Results, manoeuvre: str, actuators: str) -> Table:
     rows = [
         {"control law": name if actuators == "ideal" or c != "passive" else "pump off"}
-        | _shown(study, controlled(c, manoeuvre, actuators), _HANDLING)
-        | _shown(study, controlled(c, "straight", actuators), _COMFORT)
+        | cells(METRICS, study[controlled(c, manoeuvre, actuators)], _HANDLING)
+        | cells(METRICS, study[controlled(c, "straight", actuators)], _COMFORT)
         for c, name in LAWS.items()
     ]
     about = "Handling in the lane change; comfort straight ahead. Powers are those that all actuators give to the car."
@@ -198,9 +190,5 @@ def _metrics(study: Results) -> Content:
     yield """The definitions are in the module `cosim.experiments.handling.metrics`. Metrics of steady cornering are
     those until the car no longer follows the circle of its steering wheel: until its lateral acceleration differs by
     more than 10 % from speed times yaw rate."""
-    rows = (
-        {"manoeuvre": m, "car": NAMES[c]} | {v.heading: v.shown(study[at(c, m)].get(k)) for k, v in METRICS.items()}
-        for m in MANOEUVRES
-        for c in CARS
-    )
+    rows = ({"manoeuvre": m, "car": NAMES[c], **cells(METRICS, study[at(c, m)])} for m in MANOEUVRES for c in CARS)
     yield Table.of("metrics", "All manoeuvres", rows, "A dash: the manoeuvre does not have this metric.")

@@ -417,7 +417,7 @@ def measure(run: Run) -> Row:
     return {**row, **_OF.get(run.case.manoeuvre, lambda *_: {})(run, s)}
 
 
-remarks = semi_active.remarks
+FLAGS = semi_active.FLAGS
 
 
 def failed(_: Case, error: Exception) -> Row:
@@ -448,9 +448,7 @@ def _sines(_: Run, s: dict[str, Array]) -> Row:
 
 
 def _followed(run: Run, _: dict[str, Array]) -> Row:
-    if run.case.driven:
-        return {}
-    return {"offset": float(run.recording["driver.path.offset"].max())}
+    return {} if run.case.driven else {"offset": float(run.recording["driver.path.offset"].max())}
 
 
 def _straight(run: Run, s: dict[str, Array]) -> Row:

@@ -102,7 +102,8 @@ def averaged_cases() -> list[Case]:
         for c in PUMPED[road]
         for pump in PUMPS_L_MIN[road]
     ]
-    cases += refined_cases()
+    cases += [finer(case) for case in published_cases()]
+    cases += [case for road in ("track", "bump") for c in REFINED_APART for case in halved(Case(road, c)).values()]
     cases += [Case("bump", "mpc-preview", preview_steps=n) for n in LENGTHS]
     cases += [Case("bump", "mpc-preview", preview_error_ms=float(ms)) for ms in ERRORS_MS]
     for road in ("track", "bump"):
@@ -116,12 +117,6 @@ def published_cases() -> list[Case]:
     """Runs behind the claims on the whole vehicle: every controller on every road, with and without pump limit."""
     cases = [Case(road, c) for road in ROADS for c in CONTROLLERS]
     return cases + [PUMP(Case(road, c)) for road in ROADS for c in ACTIVE]
-
-
-def refined_cases() -> list[Case]:
-    """Runs with finer steps: both at every place, one of the two at the first one."""
-    apart = [case for road in ("track", "bump") for c in REFINED_APART for case in halved(Case(road, c)).values()]
-    return [finer(case) for case in published_cases()] + apart
 
 
 def plan() -> list[Task]:

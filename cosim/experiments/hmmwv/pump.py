@@ -52,7 +52,23 @@ def section(study: Averages) -> Content:
         f" them. {OF_MEDIANS}",
     )
     yield _needed(study, each)
-    yield _flows(study, pump)
+    rows = [
+        {
+            "road": ROAD_NAMES[case.road],
+            "controller": NAMES[case.controller],
+            "flow, mean [l/min]": round(study.mean("flow_mean", case)),
+            "flow, peak [l/min]": round(study.largest("flow_peak", case)),
+            "mean over that of the pump [-]": round(study.mean("flow_mean", case) / pump, 1),
+            "power from the pump, mean [kW]": round(1e-3 * study.mean("power_mean", case), 1),
+            "valve saturated [%]": round(100 * study.mean("saturation", case), 1),
+            "force error rms [N]": round(study.mean("tracking_error_rms", case)),
+        }
+        for case in (Case(road, controller) for road in ROADS for controller in ACTIVE)
+    ]
+    title = "Flow of all four actuators without limit, saturation and tracking"
+    yield Table.of(
+        "hydraulics", title, rows, "Mean flow: over bumps the largest mean over 1 s, off road that of the run."
+    )
 
 
 def _needed(study: Averages, at_pump: str) -> Table:
@@ -83,25 +99,4 @@ def _needed(study: Averages, at_pump: str) -> Table:
         rows,
         f"Of the pumps tried: {tried}, and one without limit. Mean: over bumps the largest over 1 s, off road that of"
         " the run.",
-    )
-
-
-def _flows(study: Averages, pump: float) -> Table:
-    return Table.of(
-        "hydraulics",
-        "Flow of all four actuators without limit, saturation and tracking",
-        [
-            {
-                "road": ROAD_NAMES[case.road],
-                "controller": NAMES[case.controller],
-                "flow, mean [l/min]": round(study.mean("flow_mean", case)),
-                "flow, peak [l/min]": round(study.largest("flow_peak", case)),
-                "mean over that of the pump [-]": round(study.mean("flow_mean", case) / pump, 1),
-                "power from the pump, mean [kW]": round(1e-3 * study.mean("power_mean", case), 1),
-                "valve saturated [%]": round(100 * study.mean("saturation", case), 1),
-                "force error rms [N]": round(study.mean("tracking_error_rms", case)),
-            }
-            for case in (Case(road, controller) for road in ROADS for controller in ACTIVE)
-        ],
-        "Mean flow: over bumps the largest mean over 1 s, off road that of the run.",
     )

@@ -262,7 +262,10 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
         if driven:
             wiring.add_tracking(system, fmus, requested=controller is not None)
     if case.states == "estimated":
-        _wire_estimator(system, fmus)
+        wiring.add_sensors(system, fmus)
+        system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
+        system.connect_matching("sensors", "kalman")
+        system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
     if controller is not None:
         system.connect_matching("kalman" if case.states == "estimated" else "car", "controller")
     if case.controller in PREDICTIVE:
@@ -270,18 +273,12 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
     return system
 
 
-def _wire_estimator(system: System, fmus: FmuSet) -> None:
-    """Sensors on car, actuators and road, and the Kalman filter downstream of them."""
-    wiring.add_sensors(system, fmus)
-    system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
-    system.connect_matching("sensors", "kalman")
-    system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
-
-
 def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
     """Where the MPC gets its preview from."""
     if case.controller == "mpc":
-        system["controller"].set({"use_preview": False, **_flat_preview(system)})
+        inputs = system["controller"].description.inputs
+        flat = {n: float(v.start) for n, v in inputs.items() if n.startswith("preview.") and v.start is not None}  # type: ignore[arg-type]
+        system["controller"].set({"use_preview": False, **flat})
         return
     system["controller"].set({"use_preview": True})
     source = "road"
@@ -299,15 +296,8 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
             system["kalman"].set({"use_road": True, "road.valid": True})
         else:
             system.add("map_speed", fmus.path("SpeedProfile"))
-            system.connect("map_speed.x", "map.x")
-            system.connect("map_speed.speed", "map.speed")
+            system.connect_matching("map_speed", "map")
     system.connect_matching(source, "controller", "preview.*")
-
-
-def _flat_preview(system: System) -> dict[str, float]:
-    """Start values of the preview inputs that nothing drives."""
-    inputs = system["controller"].description.inputs
-    return {n: float(v.start) for n, v in inputs.items() if n.startswith("preview.") and v.start is not None}  # type: ignore[arg-type]
 
 
 def start(system: System, case: Case) -> float:

@@ -114,9 +114,8 @@ class Statement:
     def holds(self, study: Averages, at: Condition) -> bool:
         """Whether the statement holds in full under this condition."""
         found, band = self.figures(study, at), self.band
-        if band is not None and not (found.everywhere(band.__contains__) if band.open else found.median in band):
-            return False
-        return found.everywhere(self.side)
+        sized = band is None or (found.everywhere(band.__contains__) if band.open else found.median in band)
+        return sized and found.everywhere(self.side)
 
     def decided_by_opening(self, ratios: Iterable[float]) -> bool:
         """Whether one of `over_openings` is in the band and another one out of it."""

@@ -43,8 +43,7 @@ def add_car(
     system.add("speed", fmus.path(SPEEDS[driven]))
     system.add("road", fmus.path(road))
     system.add("car", fmus.path("RideCarHmmwv"), step=step)
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     if not rig:
         system.connect_matching("road", "car", "road.*")
         return

@@ -161,7 +161,8 @@ def normalized(value: float, costs: Iterable[float]) -> float:
     Source:
         Kale, Table 5.11.
     """
-    low, high = _extent(costs)
+    series = finite_series("cost", list(costs))
+    low, high = float(series.min()), float(series.max())
     if high == low:
         raise ValueError(f"all costs are {low:g}; there is nothing to scale with")
     return (value - low) / (high - low)
@@ -183,8 +184,3 @@ def scores(costs: Iterable[float]) -> list[float]:
     """
     costs = list(costs)
     return [BEST - (BEST - WORST) * normalized(c, costs) for c in costs]
-
-
-def _extent(costs: Iterable[float]) -> tuple[float, float]:
-    values = finite_series("cost", list(costs))
-    return float(values.min()), float(values.max())

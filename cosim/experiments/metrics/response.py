@@ -62,18 +62,11 @@ def response_magnitude(az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_ra
     return root_sum_square(np.column_stack([az / STANDARD_GRAVITY, np.degrees(pitch), np.degrees(roll)]))
 
 
-def response_objective_series(
-    az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike, rate_hz: float
-) -> Array:
-    """J_resp(t) = low-pass of sqrt(y' y), y in (g, deg, deg). Brown et al., (22a)."""
-    return low_pass(response_magnitude(az_m_s2, pitch_rad, roll_rad), rate_hz, name="response")
-
-
 def response_objective(
     az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike, rate_hz: float
 ) -> float:
-    """J_resp: mean of `response_objective_series` over the run. Brown et al., (22a)."""
-    return float(np.mean(response_objective_series(az_m_s2, pitch_rad, roll_rad, rate_hz)))
+    """J_resp: mean of the low-pass of sqrt(y' y), y in (g, deg, deg), over the run. Brown et al., (22a)."""
+    return low_pass_mean(response_magnitude(az_m_s2, pitch_rad, roll_rad), rate_hz, name="response")
 
 
 def actuator_force(forces_n: npt.ArrayLike, rate_hz: float) -> float:

@@ -66,11 +66,6 @@ def worst_short_preview(study: Results, place: Place, *, hold_tail: bool = False
     return float(max(study[c]["J"] for t, c in curve.items() if 0.005 < t < 0.025) / study[curve[0.0]]["J"])
 
 
-def short_preview(study: Results) -> list[float]:
-    """`worst_short_preview` by input and weights."""
-    return [worst_short_preview(study, place) for place in product(INPUTS, WEIGHT_SETS)]
-
-
 class PreviewLqView(View):
     """Inputs and weights, as Table 3 names them: "ride comfort, both sides", "ride comfort", "left side"."""
 

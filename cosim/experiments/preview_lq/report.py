@@ -151,15 +151,16 @@ def _table3(study: Results) -> Content:
 
 @report.section("Preview time")
 def _figure3(study: Results) -> Content:
+    worst = max(claims.worst_short_preview(study, place) for place in PARTS)
     yield f"""Mean squares over preview time, relative to no preview with the delay between the axles known.
 
-    The first 10 to 20 ms make the index worse, by up to {100 * (max(claims.short_preview(study)) - 1):.0f} %, before
-    longer previews make it better. The controller with a finite horizon takes the road beyond it to be at height 0.
-    Seen from the middle of a bump, a horizon of 10 ms says that the road is about to fall to 0 within 10 ms, and the
-    front actuators prepare for an edge that is not there; the longer the horizon, the farther off and the less urgent
-    the supposed edge. Without any preview the front road does not enter the controller at all, so it makes no false
-    assumption. The dashed curve of the index shows it: if the road is taken to continue at its last height instead
-    (hold_tail), every preview is better than none."""
+    The first 10 to 20 ms make the index worse, by up to {100 * (worst - 1):.0f} %, before longer previews make it
+    better. The controller with a finite horizon takes the road beyond it to be at height 0. Seen from the middle of a
+    bump, a horizon of 10 ms says that the road is about to fall to 0 within 10 ms, and the front actuators prepare for
+    an edge that is not there; the longer the horizon, the farther off and the less urgent the supposed edge. Without
+    any preview the front road does not enter the controller at all, so it makes no false assumption. The dashed curve
+    of the index shows it: if the road is taken to continue at its last height instead (hold_tail), every preview is
+    better than none."""
     panels = []
     for input_, weights in product(INPUTS, WEIGHT_SETS):
         curves = [_over_none(study, text, names, input_, weights) for text, names in _OVER_TIME.items()]

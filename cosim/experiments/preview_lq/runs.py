@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.core.signals import columns, rms
-from cosim.experiments.options import Controlled, speed_option
+from cosim.experiments.options import Controlled, milliseconds, quantity, speed_option
 from cosim.experiments.steps import exchange_step, set_solver_step
 from cosim.study import CaseError, FmuSet, Metric, Row, Run, option
 from cosim.study.fmus import designed_with
@@ -70,13 +70,8 @@ class Case(Controlled):
         help="road information that the controller uses",
         always=True,
     )
-    preview_time: float = option(
-        PREVIEW_TIME,
-        unit="s",
-        within=(0, 10),
-        only=_PREVIEW,
-        help="preview ahead of the front wheels",
-        label=lambda s: f"{1e3 * s:g}ms",
+    preview_time: float = quantity(
+        "preview time [s]", PREVIEW_TIME, (0, 10), "preview ahead of the front wheels", _PREVIEW, milliseconds
     )
     speed_kmh: float = speed_option(SPEED_KMH, (0, 200), "speed of the car", always=False)
     shape: str = option("haversine", choices=SHAPES, help="shape of hole and bump, or a plateau behind a step")
@@ -139,8 +134,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("speed", fmus.path(SPEED))
     system.add("road", fmus.path(ROAD))
     system.add("car", fmus.path(CAR), step=exchange_step(EXCHANGE, case))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     system.connect_matching("road", "car", "road.*")
     if controller is not None:
         system.add("controller", controller)

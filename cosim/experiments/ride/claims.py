@@ -5,7 +5,7 @@ General properties of any car, and published properties of the preview controlle
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -30,8 +30,12 @@ def _more(texts: list[str]) -> str:
     return f"not of {'; '.join(texts[:3])}" + (f" and {len(texts) - 3} more" if len(texts) > 3 else "")
 
 
-def _compared(ratios: dict[str, float], words: str, *, above: bool) -> Finding:
-    """A finding on ratios, all of which have to be above 1, or below; RunFailed without any leaves a check open."""
+def _compared(speeds: Iterable[tuple[str, float | None, float | None]], words: str, *, above: bool) -> Finding:
+    """A finding on ratios of two speeds by name, all of which have to be above 1, or below.
+
+    Without any, RunFailed leaves a check open.
+    """
+    ratios = {name: own / other for name, own, other in speeds if own is not None and other is not None}
     if not ratios:
         raise RunFailed("no runs of this study can be compared in this respect")
     wrong = [n for n, r in ratios.items() if not (r > 1 if above else r < 1)]
@@ -73,25 +77,20 @@ def slower(study: Searches, *, metric: str, over: str) -> Finding:
 
 def definitions(study: Searches) -> Finding:
     """Whether both definitions of 6 W are reached in their order."""
-    ratios = {}
-    for made in study.every.values():
-        if set(POWERS) <= set(made.search.metrics):
-            third, second = (made.speeds(m).median for m in POWERS)
-            if third is not None and second is not None:
-                ratios[made.search.label] = third / second
-    return _compared(ratios, "of it", above=False)
+    both = [d for d in study.every.values() if set(POWERS) <= set(d.search.metrics)]
+    speeds = ((d.search.label, d.speeds(NRMM).median, d.speeds(DONAHUE).median) for d in both)
+    return _compared(speeds, "of it", above=False)
 
 
 def preview(study: Searches) -> Finding:
     """Whether preview raises the speed of 6 W of the HMMWV under MPC, course by course."""
-    ratios = {}
-    for made in study.on(car="hmmwv", controller="mpc-preview"):
-        blind = study.every.get(replace(made.case, controller="mpc"))
-        if made.case.course in COURSES and blind is not None:
-            fast, slow = (d.speeds(NRMM).median for d in (made, blind))
-            if fast is not None and slow is not None:
-                ratios[made.search.label] = fast / slow
-    return _compared(ratios, "times as fast", above=True)
+    pairs = [
+        (made, blind)
+        for made in study.on(car="hmmwv", controller="mpc-preview")
+        if made.case.course in COURSES and (blind := study.every.get(replace(made.case, controller="mpc")))
+    ]
+    speeds = ((made.search.label, made.speeds(NRMM).median, blind.speeds(NRMM).median) for made, blind in pairs)
+    return _compared(speeds, "times as fast", above=True)
 
 
 JUDGES = {f.__name__: f for f in (search, slower, definitions, preview)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -89,11 +90,6 @@ def _enveloping(fmus: FmuSet, case: Any) -> System:
     return system
 
 
-def _without_comfort(fmus: FmuSet, case: Any) -> System:
-    """Absorbed power is measured at the seat, from the recording."""
-    return hmmwv.wire(fmus, case, comfort=False)
-
-
 _LQ = {
     f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES
 }
@@ -111,7 +107,7 @@ CARS = {
         hmmwv.configure_vehicle,
         _each(hmmwv.CONTROLLERS),
         {"road": "bump"},
-        wire=_without_comfort,
+        wire=partial(hmmwv.wire, comfort=False),  # absorbed power is measured at the seat, from the recording
     ),
     "sedan": Car(
         *("sedan", preview_lq, preview_lq.CAR, "RoadProvingGround5ms", preview_lq.ROAD),

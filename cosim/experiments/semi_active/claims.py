@@ -25,18 +25,15 @@ def best(study: Results, kind: str, metric: str, other: str) -> float:
     return min((float(row[metric]) for row in rows if row[other] <= limit), default=math.inf)
 
 
-def _off_invariant(view: View, subject: str, place: Any) -> float:
-    gain = view.study[view.case(subject, place)]["acceleration_invariant"]
-    return abs(float(gain) / invariant()[1] - 1)
-
-
 class DamperView(View):
     """Places are roads, with the stretches of the random one; subjects are systems, or kinds of suspension."""
 
     quantities: ClassVar[Quantities] = {
         "best comfort": lambda view, kind, _: best(view.study, kind, COMFORT, ROAD_HOLDING),
         "best road holding": lambda view, kind, _: best(view.study, kind, ROAD_HOLDING, COMFORT),
-        "error at the invariant frequency": _off_invariant,
+        "error at the invariant frequency": lambda view, subject, place: abs(
+            float(view.study[view.case(subject, place)]["acceleration_invariant"]) / invariant()[1] - 1
+        ),
     }
 
     def places(self, at: Any, road: str) -> Sequence[Any]:  # noqa: ARG002

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from cosim.experiments.semi_active.claims import CLAIMS, COMFORT, ROAD_HOLDING, 
 from cosim.experiments.semi_active.published import FAMILIES, NAMES, REFINED, SYSTEMS, at, family, without_hysteresis
 from cosim.experiments.semi_active.runs import BANDS, DAMPER, METRICS, invariant
 from cosim.experiments.steps import with_finer_steps
-from cosim.report import Figure, Panel, Parameter, Series, Table, bars
+from cosim.report import Figure, Panel, Parameter, Series, Table, bars, curve
 from cosim.report.fronts import non_dominated
 from cosim.report.model import Look
 from cosim.study import Content, FmuSet, Results, StudyReport, parameters
-from cosim.study.pages import compared
+from cosim.study.pages import cells, compared
 
 _LOOKS: dict[str, Look] = {
     "passive": "black",
@@ -33,12 +33,18 @@ _LOOKS: dict[str, Look] = {
     "LQR, active": ("gray", "solid"),
     "without hysteresis": ("gray", "dot"),
 }
-_SHOWN = (("passive", "skyhook-on-off", "add", "sh-add"), ("passive", "groundhook-on-off", "lqr", "mpc", "lqr, ideal"))
+_SHOWN = {
+    "hooks and ADD": ("passive", "skyhook-on-off", "add", "sh-add"),
+    "road holding and optimal control": ("passive", "groundhook-on-off", "lqr", "mpc", "lqr, ideal"),
+}
+_GAINS = {
+    "acceleration": ("body acceleration", "1/s", 1.0),
+    "tire": ("tire deflection", "ms", 1e3),
+}  # words, unit, factor
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    dampers = (replace(p, name=f"damper: {p.name}") for p in parameters(fmus.path(DAMPER)))
-    return [*parameters(fmus.path("RideCarHmmwv")), *dampers]
+    return [*parameters(fmus.path("RideCarHmmwv")), *parameters(fmus.path(DAMPER), prefix="damper: ")]
 
 
 report = StudyReport(EXPERIMENT, "Passive, semi-active and active suspension of one car", CLAIMS, _parameters, _LOOKS)
@@ -80,10 +86,8 @@ def _about(_: Results) -> Content:
 
 
 def _table(study: Results, systems: Iterable[str], road: str, id: str, title: str) -> Table:
-    shown = {k: m for k, m in METRICS.items() if k not in ("power_coil",)}
-    rows = [
-        {"system": NAMES[s]} | {m.heading: m.shown(study[at(s, road)][k]) for k, m in shown.items()} for s in systems
-    ]
+    shown = [k for k in METRICS if k != "power_coil"]
+    rows = [{"system": NAMES[s], **cells(METRICS, study[at(s, road)], shown)} for s in systems]
     return Table.of(id, title, rows, "Powers are means over time, of all four corners.")
 
 
@@ -103,20 +107,17 @@ def _responses(study: Results) -> Content:
     ratios of spectra, which count all power that the road causes, as a control law that switches makes harmonics. At
     {frequency:.1f} Hz no suspension can change the acceleration of the body: {gain:.1f} 1/s."""
     panels = []
-    for number, systems in enumerate(_SHOWN):
-        for quantity, label in (("acceleration", "body acceleration [1/s]"), ("tire", "tire deflection [ms]")):
-            found = {NAMES[s]: study.signals(at(s, "rig")) for s in systems}
-            factor = 1.0 if quantity == "acceleration" else 1e3
-            curves = [Series(n, g["frequency"], factor * np.array(g[quantity])) for n, g in found.items()]
-            title = ("hooks and ADD", "road holding and optimal control")[number]
-            panels.append(Panel(title, "frequency [Hz]", label, curves, x_scale="log", y_scale="log"))
+    for (title, systems), (quantity, (words, unit, factor)) in product(_SHOWN.items(), _GAINS.items()):
+        curves = [curve(NAMES[s], study.signals(at(s, "rig")), quantity, factor, x="frequency") for s in systems]
+        label = f"{words} [{unit}]"
+        panels.append(Panel(title, "frequency [Hz]", label, curves, x_scale="log", y_scale="log"))
     caption = "Per velocity of the road, on the rig, class D at 50 km/h."
     yield Figure("responses", "Gain of body and tire over frequency", caption, panels, columns=2)
     rows = [
         {"system": NAMES[s]}
         | {
             f"{quantity} {low:g} to {high:g} Hz [{unit}]": f"{factor * study[at(s, 'rig')][f'{quantity}_{band}']:.2f}"
-            for quantity, unit, factor in (("acceleration", "1/s", 1.0), ("tire", "ms", 1e3))
+            for quantity, (_, unit, factor) in _GAINS.items()
             for band, (low, high) in BANDS.items()
         }
         for s in SYSTEMS
@@ -135,15 +136,14 @@ def _energy(study: Results) -> Content:
     yield Figure("energy", "Power from outside", "Random road, mean of all four corners.", [panel])
     rows = [
         {"system": NAMES[s]}
-        | {f"power given to the car, {n} [W]": f"{study[c]['power_given']:.3g}" for n, c in _hysteresis(s).items()}
+        | {
+            f"power given to the car, {words} [W]": f"{study[case]['power_given']:.3g}"
+            for words, case in (("with hysteresis", at(s)), ("without", without_hysteresis(s)))
+        }
         for s in FAMILIES["semi-active"]
     ]
     caption = "With hysteresis the damper returns a little where the velocity changes its sign."
     yield Table.of("passivity", "Power that dampers give to the car", rows, caption)
-
-
-def _hysteresis(system: str) -> dict[str, object]:
-    return {"with hysteresis": at(system), "without": without_hysteresis(system)}
 
 
 @report.section("Force of a damper")
@@ -159,8 +159,7 @@ def _force(study: Results) -> Content:
 @report.section("Steps")
 def _refinement(study: Results) -> Content:
     rows = [
-        {"steps": steps}
-        | {METRICS[k].heading: METRICS[k].shown(row[k]) for k in (COMFORT, ROAD_HOLDING, "power_taken")}
+        {"steps": steps, **cells(METRICS, row, (COMFORT, ROAD_HOLDING, "power_taken"))}
         for steps, row in with_finer_steps(study, at(REFINED)).items()
     ]
     yield Table.of("refinement", f"Results with finer steps, {NAMES[REFINED]}", rows, "Random road.")

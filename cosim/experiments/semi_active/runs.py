@@ -42,6 +42,9 @@ TUNED = ("passive", "skyhook", "skyhook-on-off", "lqr")  # between comfort and r
 ACTUATORS = ("dampers", "ideal")
 ROADS = {"random": "RoadOffroadHmmwv", "bump": "RoadBumps", "rig": "RoadOffroadHmmwv"}
 DAMPER = "SemiActiveDamper"
+FLAGS = {
+    "controller.command.held": "command.held: the solver found no solution at some samples; the last command was kept"
+}
 FMUS = (
     *("SpeedProfile", "RideCarHmmwv", DAMPER, *dict.fromkeys(ROADS.values())),
     *dict.fromkeys(fmu for fmu, _ in CONTROLLERS.values() if fmu),
@@ -312,11 +315,3 @@ def signals(run: Run) -> Row:
     names = {"velocity": "car.suspension.fl.velocity", "force": "damper_fl.force", "acceleration": "car.body.az"}
     shown = {n: r[c][part].tolist() for n, c in names.items() if c in r}
     return {"time": (r.time[part] - r.time[begin]).tolist(), **shown}
-
-
-def remarks(run: Run) -> list[str]:
-    """What should be said of a run."""
-    held = "controller.command.held"
-    if held in run.recording and run.recording[held].any():
-        return ["command.held: the solver found no solution at some samples; the last command was kept"]
-    return []

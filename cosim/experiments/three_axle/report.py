@@ -10,15 +10,16 @@ from cosim.experiments.steps import HALVED, with_finer_steps
 from cosim.experiments.three_axle import EXPERIMENT
 from cosim.experiments.three_axle.claims import CLAIMS, ThreeAxleView
 from cosim.experiments.three_axle.published import CONTROLLED, SHOWN, VARIANTS, Place, places, variant
-from cosim.experiments.three_axle.runs import CONTROLLERS, DURATION, METRICS, Case, edge_time
+from cosim.experiments.three_axle.runs import CONTROLLERS, METRICS, Case, edge_time
 from cosim.fmu.file import FmuFile
-from cosim.report import Figure, Panel, Parameter, Series, Table, curve
+from cosim.report import Figure, Panel, Parameter, Table, over_time
 from cosim.study import Content, FmuSet, Results, Row, StudyReport, parameters
 from cosim.study.fmus import designed_with
 from fmu_sources.models.corners import SIX_CORNERS
 
 _NAMES = {"passive": "passive", "lqr": "LQR", "mpc": "MPC", "mpc-preview": "MPC with preview"}
 _words = ThreeAxleView.named.format  # of speed and depth
+_PITCH = ("pitch [deg]", "pitch", 1.0)  # label, signal and factor of a panel
 _REFINED = ("peak_error_deg", "ramp_error_deg", "rms_az", "peak_force_kN")  # what is compared at finer steps
 
 
@@ -111,29 +112,23 @@ def _main_result(study: Results) -> Content:
         f"Following the reference, {_words(*SHOWN)} (Figures 5.12 and 5.13)",
         "Positive is nose down. The vehicle is beyond the trench.",
         [
-            _pitch(study, SHOWN, title, CONTROLLED, start=start, end=end)
-            for title, start, end in (("start of the ramp", 14.4, 16.0), ("whole demand", 14.0, 25.0))
+            *_pitch(study, SHOWN, "start of the ramp", CONTROLLED, start=14.4, end=16.0),
+            *_pitch(study, SHOWN, "whole demand", CONTROLLED, start=14.0, end=25.0),
         ],
         columns=2,
     )
 
 
-def _series(
-    study: Results, place: Place, system: str, signal: str = "pitch", start: float = 0.0, end: float = DURATION
-) -> Series:
-    """A signal of a system, thinned so that its peaks stay."""
-    signals = study.signals(Case(*place, system))
-    return curve(_NAMES[system], signals, signal, start=start, end=end, thin=True)
+def _runs(study: Results, place: Place, systems: Iterable[str]) -> dict[str, Row]:
+    """Signals by the names of the systems."""
+    return {_NAMES[c]: study.signals(Case(*place, c)) for c in systems}
 
 
-def _pitch(
-    study: Results, place: Place, title: str, systems: Iterable[str], start: float = 0.0, end: float = DURATION
-) -> Panel:
+def _pitch(study: Results, place: Place, title: str, systems: Iterable[str], **span: float) -> list[Panel]:
     """The reference of pitch, and what systems make of it."""
-    signals = study.signals(Case(*place, "passive"))
-    reference = curve("reference", signals, "reference", start=start, end=end, thin=True)
-    curves = [_series(study, place, c, start=start, end=end) for c in systems]
-    return Panel(title, "time [s]", "pitch [deg]", [reference, *curves])
+    passive = study.signals(Case(*place, "passive"))
+    runs = {"reference": {**passive, "pitch": passive["reference"]}, **_runs(study, place, systems)}
+    return over_time(runs, [(title, *_PITCH)], thin=True, **span)
 
 
 def _cells(row: Row) -> dict[str, float | None]:
@@ -180,14 +175,14 @@ def _crossings(study: Results) -> Content:
         "figure-5-4",
         f"Road under the front left wheel at {slowest:g} km/h (Figure 5.4)",
         "2 m long at half its depth; each edge falls as a tanh with a scale of 0.2 m.",
-        [Panel("", "time [s]", "height [mm]", [curve(f"{d:g} m deep", s, "road") for d, s in depths.items()])],
+        over_time({f"{d:g} m deep": s for d, s in depths.items()}, [("", "height [mm]", "road", 1.0)]),
     )
     yield Figure(
         "figures-5-5-to-5-10",
         "Pitch, uncontrolled and controlled (Figures 5.5 to 5.10)",
         "Positive is nose down (ISO 8855; the thesis has it nose up). The trench comes first, the reference from 15"
         " s on.",
-        [_pitch(study, p, _words(*p), CONTROLLERS) for p in places(study)],
+        [panel for p in places(study) for panel in _pitch(study, p, _words(*p), CONTROLLERS)],
         columns=2,
     )
 
@@ -196,15 +191,14 @@ def _crossings(study: Results) -> Content:
 def _disturbance(study: Results) -> Content:
     passive = study.signals(Case(*SHOWN, "passive"))
     edge = edge_time(np.array(passive["time"]), np.array(passive["road"]), 1e3 * SHOWN[1])
-    curves = {c: _series(study, SHOWN, c, start=1, end=10) for c in CONTROLLERS}
     close = f"with preview; the road begins to fall at {edge:.2f} s"
     yield Figure(
         "figure-5-11",
         f"Pitch at the trench, {_words(*SHOWN)} (Figure 5.11)",
         "Right: the same run with preview on a scale of its own.",
         [
-            Panel("all systems", "time [s]", "pitch [deg]", list(curves.values())),
-            Panel(close, "time [s]", "pitch [deg]", [curves["mpc-preview"]]),
+            *over_time(_runs(study, SHOWN, CONTROLLERS), [("all systems", *_PITCH)], start=1, end=10, thin=True),
+            *over_time(_runs(study, SHOWN, ["mpc-preview"]), [(close, *_PITCH)], start=1, end=10, thin=True),
         ],
         columns=2,
     )
@@ -213,12 +207,12 @@ def _disturbance(study: Results) -> Content:
 @report.section("Forces")
 def _forces(study: Results) -> Content:
     axles = zip(("first", "second", "third"), SIX_CORNERS[::2], strict=True)
-    forces = {f"{axle} axle, left": [_series(study, SHOWN, c, f"force.{k}") for c in CONTROLLED] for axle, k in axles}
+    forces = [(f"{axle} axle, left", "force [kN]", f"force.{k}", 1.0) for axle, k in axles]
     yield Figure(
         "figure-5-14",
         f"Actuator forces, {_words(*SHOWN)} (Figure 5.14)",
         "Positive lifts the body. Both sides are alike.",
-        [Panel(title, "time [s]", "force [kN]", curves) for title, curves in forces.items()],
+        over_time(_runs(study, SHOWN, CONTROLLED), forces, thin=True),
     )
 
 

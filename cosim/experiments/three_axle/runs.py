@@ -22,7 +22,7 @@ CONTROLLERS = {"passive": None, "lqr": "LqrThreeAxle", "mpc": "MpcThreeAxle", "m
 FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle")
 EXCHANGE = Fraction(1, 1000)  # s, of the vehicle
 HORIZON = PREDICTION * SAMPLE_TIME  # s, of the predictive controllers
-stop_time = DURATION = 25.0  # s; the reference is back at 0 at 24 s
+stop_time = 25.0  # s; the reference is back at 0 at 24 s
 SETTLED = (1.0, 0.3)  # s before the end of the hold: where the steady-state error is taken; preview acts after that
 CLEAR = 0.5  # s before the reference rises: what comes earlier counts as the trench's
 EDGE_BEGINS = 0.0025  # of the depth
@@ -55,8 +55,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("road", fmus.path("RoadShallowTrench"))
     system.add("reference", fmus.path("PitchReference"))
     system.add("car", fmus.path("ThreeAxleRide"), step=exchange_step(EXCHANGE, case))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     system.connect_matching("road", "car", "road.*")
     controller = CONTROLLERS[case.controller]
     if controller is None:

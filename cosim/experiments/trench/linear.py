@@ -40,8 +40,7 @@ def wire(fmus: FmuSet, case: Shallow) -> System:
     sizes = {"start": START, "length": LENGTH, "depth": DEPTH, "edge": EDGE}
     system.add("road", fmus.path("RoadShallowTrench"), start={f"trench.{n}": v for n, v in sizes.items()})
     system.add("car", fmus.path("ThreeAxleRide"), step=STEP)
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
+    system.connect_matching("speed", "road")
     system.connect_matching("road", "car", "road.*")
     return system
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 
@@ -71,9 +72,8 @@ class Case(AnyCase):
 # ------------------------------------------------------------------------------------------------------------- wiring
 
 
-def structure(case: Case) -> tuple[object, ...]:
-    """What decides the wiring."""
-    return case.preview, case.filter
+structure = attrgetter("preview", "filter")
+"""What of a case decides the wiring."""
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
