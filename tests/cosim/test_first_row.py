@@ -411,8 +411,10 @@ def test_a_state_of_a_run_that_has_ended_there_can_be_restored(folder, version):
     with chain(relay.build(version, folder), "a", "b") as system:
         system.components["a"].set({"ends": 1.0})
         with system.initialize(record=["b.y"]) as simulation:
-            saved = simulation.save().to_bytes()
-        found = system.run(0.5, record=["b.y"], state=SystemState.from_bytes(saved))
+            saved = SystemState.from_bytes(simulation.save().to_bytes())
+        found = system.run(0.5, record=["b.y"], state=saved)
+    assert saved.ending is not None
+    assert (saved.ending.tick, saved.ending.component) == (0, "a")
     assert found["b.y"].tolist() == [2.0]
     assert "'a' asked to end the simulation" in (found.stopped_by or "")
 
