@@ -95,7 +95,6 @@ typedef struct {
     uint32_t (*changed)(const Component *m);       /* bits for component_changed, beside those that the engine sees */
 } Exchange;
 extern const Exchange exchange, events, clocks;
-enum { EXCHANGE_CALLS = 14 }; /* those of the integrator, and InstantiateModelExchange */
 
 /* Setup of a component with events. */
 typedef struct {
@@ -151,7 +150,7 @@ struct Component {
     const Exchange *exchange; /* NULL: it steps itself */
     const void *setup;        /* IntegratorSetup, EventSetup or ClockedSetup */
     const uint32_t *references;
-    const ExchangeCall *linked;
+    const ExchangeCall *linked; /* functions of the integrator, then InstantiateModelExchange of FMI 3.0 */
     ExchangeCall (*find)(void *library, int version, const char *name);
     void *integrator;         /* or EventSteps or ClockedFmu */
     ComponentMemory memory[2]; /* of it */
