@@ -227,15 +227,14 @@ int engine_solve(Engine *e, int32_t loop) {
     return ENGINE_AT_END;
 }
 
-/* Discrete states follow the inputs. A component that refuses it does so again in its step, and its integrator
- * remembers that it has asked for the end. */
+/* Discrete states follow the inputs. */
 static int update_discrete(Engine *e, const EngineLoop *l) {
     for (int32_t i = 0; i < l->n_components; i++) {
         const EngineComponent *m = &e->components[l->components[i]];
         if (!m->integrated || !m->fmi) continue;
         const int result = engine_step(e, m, NAN);
         engine_put_back_environment(e, m);
-        if (!result || e->status == DISCARD) continue;
+        if (!result) continue;
         e->component = l->components[i];
         return result;
     }
