@@ -15,6 +15,7 @@ from same import assert_same, bits
 
 from cosim import CosimError, PythonComponent, Recording, StopWhen, System, SystemState
 from cosim.batch import Batch
+from cosim.system.components import SystemComponent
 from cosim.system.followers import find_followers
 from cosim.system.loops import declared
 
@@ -94,6 +95,17 @@ def test_what_is_followed_has_the_order_of_the_system(folder):
     with system:
         *_, found = find_followers(system.schedule(), (), declared)
     assert [m.name for m, _ in found.reads] == names
+
+
+def test_followers_of_one_level_have_the_order_of_the_schedule(folder):
+    system = chain(relay.build(3, folder), "a")
+    for name in "bcd":
+        system.add(name, Doubled(), step=STEP)
+        system.connect("a.y", f"{name}.u")
+    system.group("group", ["d", "b"], "gauss-seidel")
+    with system:
+        found = find_followers(system.schedule(), (), declared)
+    assert [f.what.name for f in found if isinstance(f.what, SystemComponent)] == ["c", "d", "b"]
 
 
 @pytest.mark.parametrize("offset", [1.0, -1.0])
