@@ -204,8 +204,8 @@ bool component_later(Component *m, uint32_t reference, double *value, bool set);
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);
-/* Whether one of FMI 2.0, or that is integrated, did in its last step; *reached: the time [s] until which that step was
- * taken, if it says so. */
+/* Whether one of FMI 2.0, or that is integrated, did in its last step, or any one in its first event iteration;
+ * *reached: the time [s] until which that step was taken, if it says so. */
 bool component_asked_to_end(Component *m, double *reached);
 
 #endif
