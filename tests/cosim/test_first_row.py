@@ -201,6 +201,40 @@ def test_a_co_simulation_fmu_that_refuses_between_steps_keeps_what_it_has(folder
         system.run(0.25, record=names)
 
 
+@ISOLATED
+@VERSIONS
+def test_an_output_that_is_refused_between_steps_keeps_no_other_one(folder, version, isolated):
+    """Whatever is recorded: b is, which c refuses then. In an exported system, too."""
+    a = np.sin(-2.0)
+    expected = {"c.a": a, "d.y": 2.0 * a, "c.b": -1.0}
+    if version == 3:
+        expected |= {"c.multiples[1]": a, "c.multiples[2]": 2.0 * a}
+
+    def made() -> System:
+        system, path = System(), relay.build(version, folder)
+        system.add("b", path, step=STEP, parameters=JUMPS)
+        fmu = sloped.build(version, folder, multiples=version == 3)
+        system.add("c", fmu, step=STEP, parameters={"trouble": 9.0}, isolated=isolated)
+        system.add("d", path, step=STEP, parameters=PASSES)
+        system.connect("b.y", "c.p", linear=(-2.0, 0.0))
+        system.connect("c.a", "d.u")
+        return system
+
+    def shown(system: System, names: list[str]) -> list[float]:
+        with system, system.initialize(record=names) as begun:
+            return [begun[n] for n in names]
+
+    names = [*expected]
+    for some in (names, names[:2], names[::-1], names[-1:]):
+        assert shown(made(), some) == [expected[n] for n in some]
+    if not isolated:
+        with made() as system:
+            path = system.export_fmu(folder / f"Refusing{version}.fmu", fmi=version, outputs=names)
+        outer = System(allow_unconnected=True)
+        outer.add("s", path, step=STEP)
+        assert shown(outer, [f"s.{n}" for n in names]) == [*expected.values()]
+
+
 def test_what_a_co_simulation_fmu_counts_in_event_mode_is_followed(folder):
     """In its first event iteration, where the period is 0."""
     parameters = {"kind": eventful.KINDS.index("at_end"), "period": 0.0}
