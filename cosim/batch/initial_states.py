@@ -124,7 +124,8 @@ class Copies:
             self._copy_lane(good, copy)
         self._alive[: self.copies] = 1
         self._alive[self.copies :] = 0
-        ended = {copy: e.ending for copy, e in enumerate(exchanges) if e is not None and e.ending is not None}
+        ended = {} if self._probes is None else self._probes.ended
+        ended |= {copy: e.ending for copy, e in enumerate(exchanges) if e is not None and e.ending is not None}
         self._alive[[*errors, *ended]] = 0
         if self._alone or len(rest):  # else they are as they were initialized
             self._start_lanes()

@@ -5,8 +5,9 @@
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
  * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
  * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. With 9, getting b
- * for p < -1 returns Discard and wrong values of all that is asked for. `calls` counts derivatives; `multiples` are a
- * and 2 a. With DISCRETE q is a discrete input: setting it in step mode is an Error. */
+ * for p < -1 returns Discard and wrong values of all that is asked for. With 10, the first update for p >= 1 asks for
+ * the end. `calls` counts derivatives; `multiples` are a and 2 a. With DISCRETE q is a discrete input: setting it in
+ * step mode is an Error. */
 #include <math.h>
 
 #include "../fmi_names.h"
@@ -15,7 +16,7 @@ enum { P, Q, A, B, K, TROUBLE, CALLS, MULTIPLES = 8 };
 
 typedef struct {
     double value[7], time, sum;
-    bool stepping;
+    bool stepping, asked;
 } Model;
 
 static bool is_lazy(const Model *m) { return m->value[TROUBLE] == 6.0; }
@@ -90,7 +91,9 @@ Status fmi3EnterEventMode(Instance c) { return M->stepping = false, fmi3OK; }
 Status fmi3EnterStepMode(Instance c) { return M->stepping = true, fmi3OK; }
 Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate, Flag *nominals, Flag *values, Flag *has_next,
     double *next) {
-    *again = *terminate = *nominals = *values = *has_next = false;
+    *again = *nominals = *values = *has_next = false;
+    *terminate = M->value[TROUBLE] == 10.0 && M->value[P] >= 1.0 && !M->asked;
+    M->asked |= *terminate;
     return fmi3OK;
 }
 Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock value[]) { return fmi3OK; }
