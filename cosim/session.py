@@ -334,8 +334,8 @@ class System(Wiring):
             if not sampled:
                 simulation.advance(after)
             ending = simulation.exchange.ending
-            if ending is not None and simulation.exchange.tick >= ending[0]:
-                raise CosimError(ending[1])
+            if ending is not None and simulation.exchange.tick >= ending.tick:
+                raise CosimError(ending.text)
             if sampled:
                 return sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
             return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)

@@ -124,7 +124,8 @@ class Copies:
             self._copy_lane(good, copy)
         self._alive[: self.copies] = 1
         self._alive[self.copies :] = 0
-        ended = {copy: e.ending[1] for copy, e in enumerate(exchanges) if e is not None and e.ending is not None}
+        ended = {} if self._probes is None else self._probes.ended
+        ended |= {copy: e.ending for copy, e in enumerate(exchanges) if e is not None and e.ending is not None}
         self._alive[[*errors, *ended]] = 0
         if self._alone or len(rest):  # else they are as they were initialized
             self._start_lanes()
@@ -137,9 +138,8 @@ class Copies:
         self._chunks: list[tuple[int, npt.NDArray[np.float64], npt.NDArray[np.uint64] | None]] = []
         for copy in sorted(errors):
             self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
-        for copy, text in ended.items():
-            asks = next(m.name for m in self._alone if text.startswith(f"component '{m.name}'"))
-            self._ended(CopyFailure(copy, asks, self._exchange.time, text))
+        for copy, ending in ended.items():
+            self._ended(CopyFailure(copy, ending.component, self._exchange.time, ending.text))
 
     def _bind(self, exchanges: Sequence[Exchange | None]) -> None:
         self._structs = Structs(

@@ -15,7 +15,7 @@ from cosim.core.component import EndRequested
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError
 from cosim.engine.bound import BoundEngine
-from cosim.engine.exchange import Exchange
+from cosim.engine.exchange import Ending, Exchange
 from cosim.engine.plan import ComponentPlan, Plan
 from cosim.system.components import SystemComponent
 
@@ -82,6 +82,16 @@ class Probes:
     components: Collection[SystemComponent]
     apart: npt.NDArray[np.float64]
     exchanges: Sequence[Exchange | None]
+
+    @property
+    def ended(self) -> dict[int, Ending]:
+        """Copies beside which one of the components has asked for the end in its first event iteration."""
+        found: dict[int, Ending] = {}
+        for at, e in enumerate(self.exchanges):
+            if e is not None and e.ending is not None and e.ending.component in [m.name for m in self.components]:
+                copy = at // (2 * self.apart.shape[1])
+                found.setdefault(copy, e.ending._replace(text=beside(e.ending.component)))
+        return found
 
 
 class Structs:

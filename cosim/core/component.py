@@ -29,7 +29,7 @@ class Transfer:
     """An FMI call, bound to its arguments, that moves variables of one type.
 
     `data[element[i]]` belongs to `place[i]` of the master's buffer; None: `data` is a part of that buffer. `call` and
-    `references` are addresses.
+    `references` are addresses; `widths` has the number of elements of each variable, None: all have one.
     """
 
     function: str
@@ -39,6 +39,7 @@ class Transfer:
     data: npt.NDArray[Any]
     element: npt.NDArray[np.intp] | None = None
     place: npt.NDArray[np.intp] | None = None
+    widths: npt.NDArray[np.uint32] | None = None
 
 
 @dataclass(frozen=True)

@@ -227,15 +227,14 @@ int engine_solve(Engine *e, int32_t loop) {
     return ENGINE_AT_END;
 }
 
-/* Discrete states follow the inputs. A component that refuses it does so again in its step, and its integrator
- * remembers that it has asked for the end. */
+/* Discrete states follow the inputs. */
 static int update_discrete(Engine *e, const EngineLoop *l) {
     for (int32_t i = 0; i < l->n_components; i++) {
         const EngineComponent *m = &e->components[l->components[i]];
         if (!m->integrated || !m->fmi) continue;
         const int result = engine_step(e, m, NAN);
         engine_put_back_environment(e, m);
-        if (!result || e->status == DISCARD) continue;
+        if (!result) continue;
         e->component = l->components[i];
         return result;
     }
@@ -284,14 +283,17 @@ static bool has_changed(const Engine *e, const EngineFollower *f, const double *
 }
 
 /* A component computes its outputs of its inputs as they are. A Co-Simulation FMU that refuses to do so without a step
- * keeps those that it shows: if an input is the reason, its step says so. */
+ * keeps those that it refuses, all of them if it refuses inputs: if an input is the reason, its step says so. */
 static int compute(Engine *e, const EngineComponent *m) {
-    const int result = engine_exchange(e, m, NAN);
+    int result = engine_exchange(e, m, NAN);
+    if (result == ENGINE_CALL_FAILED && !m->integrated && e->status <= ERROR) {
+        result = ENGINE_AT_END;
+        if (e->call < 0) result = engine_get_each(e, m);
+        else engine_keep_outputs(e, m, m->y, m->n_outputs);
+        engine_put_back_environment(e, m);
+    }
     if (!result) engine_publish_outputs(e, m);
-    if (result != ENGINE_CALL_FAILED || m->integrated || e->status > ERROR) return result;
-    for (const EngineCopy *c = m->copies + m->n_copies_before; c < m->copies + m->n_copies; c++)
-        memcpy(e->values + c->from, e->values + c->to, c->n * sizeof(double));
-    return ENGINE_AT_END;
+    return result;
 }
 
 int engine_follow_events(Engine *e, double *before) {

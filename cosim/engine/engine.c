@@ -15,7 +15,7 @@
 #define NOINLINE static
 #endif
 
-enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */
+enum { LARGEST_SUCCESS = 1, ERROR = 3 }; /* OK and Warning; not Fatal */
 
 /* ------------------------------------------------------------------ values */
 
@@ -111,6 +111,39 @@ int engine_set(Engine *e, const EngineComponent *m) {
 int engine_get(Engine *e, const EngineComponent *m) {
     if (m->fmi == 3) GET_ALL(CALL3)
     else GET_ALL(CALL2)
+    return ENGINE_AT_END;
+}
+
+void engine_keep_outputs(Engine *e, const EngineComponent *m, const double *y, size_t n) {
+    for (const EngineCopy *c = m->copies + m->n_copies_before; c < m->copies + m->n_copies; c++)
+        for (uint32_t k = 0; k < c->n; k++) {
+            double *const computed = e->values + c->from + k;
+            if (computed >= y && computed < y + n) *computed = e->values[c->to + k];
+        }
+}
+
+int engine_get_each(Engine *e, const EngineComponent *m) {
+    static const uint8_t bytes[] = {8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(bool)}; /* by EngineType */
+    engine_keep_outputs(e, m, m->y, m->n_outputs);
+    for (const EngineTransfer *s = m->gets, *end = s + m->n_gets; s < end; s++) {
+        EngineTransfer one = *s;
+        for (size_t k = 0, at = 0; k == 0 || k < s->n_references; k++, at += one.n_data) {
+            if (s->n_references) { /* else the call knows its variables */
+                one.references = s->references + k;
+                one.n_references = 1;
+                one.data = (char *)s->data + at * bytes[s->type];
+                one.n_data = s->widths ? s->widths[k] : 1;
+            }
+            const uint32_t status = m->fmi == 3 ? CALL3(&one) : CALL2(&one);
+            if (status > ERROR) return failed(e, (int32_t)(m->gets - s) - 1, status);
+            if (status > LARGEST_SUCCESS && !s->element) engine_keep_outputs(e, m, one.data, one.n_data);
+            for (size_t i = 0; i < s->n && status <= LARGEST_SUCCESS; i++) {
+                const EngineTransfer value = {
+                    .data = s->data, .type = s->type, .n = 1, .element = s->element + i, .place = s->place + i};
+                if (s->element[i] >= at && s->element[i] < at + one.n_data) collect(&value, m->y);
+            }
+        }
+    }
     return ENGINE_AT_END;
 }
 

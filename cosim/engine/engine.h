@@ -62,6 +62,7 @@ typedef struct {
     size_t n;                        /* values that are moved */
     const uint32_t *element,
         *place; /* data[element[i]] belongs to u[place[i]] or y[place[i]]; NULL: data is a part of u or y */
+    const uint32_t *widths;          /* of n_references: elements of each variable; NULL: one */
 } EngineTransfer;
 
 /* values[to + i] = values[from + i] for i < n. */
@@ -240,6 +241,10 @@ void engine_look_up(Engine *e, int64_t tick);
 int engine_set(Engine *e, const EngineComponent *m);
 int engine_step(Engine *e, const EngineComponent *m, double t);
 int engine_get(Engine *e, const EngineComponent *m);
+/* Fetch outputs of a continuous component variable by variable; those that it refuses to tell stay as published. */
+int engine_get_each(Engine *e, const EngineComponent *m);
+/* What is published of n outputs, of which `y` are the first, is what was computed. */
+void engine_keep_outputs(Engine *e, const EngineComponent *m, const double *y, size_t n);
 /* The inputs of a component as they are published, into u; where t is NaN, none is extrapolated. */
 void engine_gather(const Engine *e, const EngineComponent *m, double t);
 /* Set inputs and get outputs of a component without a step; where t is NaN, no input is extrapolated. */

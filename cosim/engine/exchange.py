@@ -46,6 +46,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from cosim.core.component import EndRequested
 from cosim.core.errors import TimeError
@@ -65,16 +66,24 @@ class Phase(enum.Enum):
     SAMPLED = 2  # all but the continuous components
 
 
+class Ending(NamedTuple):
+    """A component has asked to end the run at a tick, and says so in a sentence."""
+
+    tick: int
+    component: str
+    text: str
+
+
 class Exchange(Setup):
     """A system on its vector of values, taken from instant to instant.
 
     Made first and initialized then (`cosim.engine.initialization`), which binds `ports`. `tick` and `phase` say where
-    it stands; `ending` is the tick at which a component asked it to end, and why.
+    it stands, `ending` where a component asked it to end.
     """
 
     tick = 0
     phase = Phase.ARRIVED
-    ending: tuple[int, str] | None = None
+    ending: Ending | None = None
     _stops: Sequence[SlotStop] = ()
     _check: Timed | None = None
     _engine: BoundEngine | None = None
@@ -129,7 +138,7 @@ class Exchange(Setup):
 
     def last_tick(self, end: int) -> int:
         """`end`, or where a component asked to end if that is sooner."""
-        return end if self.ending is None else min(end, self.ending[0])
+        return end if self.ending is None else min(end, self.ending.tick)
 
     # Where one instant is left and continued.
 
@@ -271,7 +280,7 @@ class Exchange(Setup):
             ticks = self.base.count(component.step)
             if self.adaptive is not None and not component.discrete:
                 ticks = self.adaptive.ticks
-            ending = self.tick + ticks * request.complete, str(request)
+            ending = Ending(self.tick + ticks * request.complete, request.component, str(request))
             self.ending = ending if self.ending is None else min(self.ending, ending)
             if not request.complete:
                 self.phase = Phase.SAMPLED

@@ -15,7 +15,7 @@ from cosim.core.component import EndRequested
 from cosim.core.errors import CosimError, NotFinite, WiringError
 from cosim.engine.adaptive import AdaptiveSteps
 from cosim.engine.clock_networks import clock_networks
-from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.exchange import Ending, Exchange, Phase
 from cosim.engine.loops import loops_of, measure, repeated_steps, undeclared
 from cosim.engine.state import Packed, SystemState, difference, unpack
 from cosim.fmu.clocked_steps import ClockNetwork
@@ -92,7 +92,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         try:
             begin_events()
         except EndRequested as request:  # the run ends with the first row
-            exchange.ending = exchange.ending or (exchange.tick, str(request))
+            exchange.ending = exchange.ending or Ending(exchange.tick, request.component, str(request))
     for m in fresh:
         exchange.ports[m].get_outputs()
     exchange.repeated = repeated_steps(exchange.schedule, exchange.loops, exchange.layout.ports, exchange.ports)
@@ -181,7 +181,8 @@ def _take(exchange: Exchange, state: SystemState) -> None:
         tick = exchange.base.at_or_after(state.base.exact(state.tick))
         exchange.tick, exchange.phase = tick, state.phase
         if state.ending is not None:
-            exchange.ending = exchange.base.at_or_after(state.base.exact(state.ending[0])), state.ending[1]
+            tick = exchange.base.at_or_after(state.base.exact(state.ending.tick))
+            exchange.ending = state.ending._replace(tick=tick)
     within = {m.name for m in exchange.schedule.continuous if continues and _within(state, m.name)}
     for slot, key in enumerate(exchange.layout.keys):
         part, component, variable = key

@@ -705,15 +705,16 @@ uint32_t integrator_begin(void *integrator, double t) {
 
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior) {
     Integrator *const s = integrator;
+    const bool alone = t != t;
     s->no_set_prior = no_set_prior != 0;
-    if (s->memory.ends) return failed(s, INTEGRATOR_TERMINATED, 0, s->memory.time, DISCARD);
-    if (t != t) t = s->memory.time, h = 0.0;
+    if (s->memory.ends) return alone ? OK : failed(s, INTEGRATOR_TERMINATED, 0, s->memory.time, DISCARD);
+    if (alone) t = s->memory.time, h = 0.0;
     if (!(size_of(t - s->memory.time) <= 2.0 * resolution(t, h))) s->memory.time = t; /* not where a time event was */
     if (!solves(&s->setup)) s->memory.implicit = 0; /* whatever a saved state says */
     if (s->setup.foreign) environment_begin(s->environment);
     const uint32_t status = advance(s, t + h, h);
     environment_end(s->environment);
-    return status;
+    return alone && s->memory.ends ? OK : status;
 }
 
 uint32_t integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event, bool *terminate,

@@ -92,7 +92,8 @@ Integrator *integrator_make(void *memory, const IntegratorSetup *setup, const ui
     void *const *calls);
 /* After initialization, in event mode at time t. Returns a status of FMI, and so do the steps; above 1 see `report`. */
 uint32_t integrator_begin(void *integrator, double t);
-/* A step at NaN takes no time: it updates discrete states alone, for inputs that were set. */
+/* A step at NaN takes no time: it updates discrete states alone, for inputs that were set. If the FMU asks for the end
+ * there, the next step says so. */
 uint32_t integrator_step2(void *integrator, double t, double h, int no_set_prior);
 uint32_t integrator_step3(void *integrator, double t, double h, bool no_set_prior, bool *event, bool *terminate,
     bool *early, double *last);

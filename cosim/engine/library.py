@@ -187,6 +187,8 @@ def engine_transfers(version: int, transfers: Sequence[Transfer], keep: list[Any
         s.references, s.n_references = ffi.cast("uint32_t*", transfer.references), transfer.n_references
         s.data, s.n_data = pointer("void*", transfer.data), len(transfer.data)
         s.type = getattr(library(), _TYPES[transfer.data.dtype])
+        if transfer.widths is not None:
+            s.widths = pointer("uint32_t*", transfer.widths)
         if transfer.element is not None and transfer.place is not None:
             s.n = len(transfer.place)
             s.element, s.place = (

@@ -327,11 +327,11 @@ class Simulation:
         """To the arrival at `end`, with `final` to the sample there."""
         exchange = self._exchange
         self._run_to_arrival(end, interrupt, bar)
-        ended = exchange.ending is not None and exchange.tick >= exchange.ending[0]
+        ended = exchange.ending is not None and exchange.tick >= exchange.ending.tick
         if final and not ended and exchange.phase is Phase.ARRIVED:
             exchange.sample()
-        if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
-            self._over = exchange.ending[1]
+        if exchange.ending is not None and exchange.tick >= exchange.ending.tick:
+            self._over = exchange.ending.text
             raise Stop(self._over)
         if interrupt.pending:
             raise Interrupted(self.time, self.recording)
@@ -366,8 +366,8 @@ class Simulation:
 
         def go() -> None:
             exchange.step_to(exchange.tick + ticks)
-            if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
-                self._over = exchange.ending[1]
+            if exchange.ending is not None and exchange.tick >= exchange.ending.tick:
+                self._over = exchange.ending.text
                 raise Stop(self._over)
 
         def run() -> str | None:

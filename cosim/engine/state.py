@@ -28,7 +28,7 @@ from cosim.core.interrupt import held
 from cosim.core.time import LONGEST, MOST_TICKS, TimeBase
 from cosim.engine.adaptive import State as AdaptiveState
 from cosim.engine.clock import Clock
-from cosim.engine.exchange import Exchange, Phase
+from cosim.engine.exchange import Ending, Exchange, Phase
 from cosim.engine.values import Key
 from cosim.fmu.saved_states import SavedStates
 from cosim.system.components import SystemComponent
@@ -70,7 +70,7 @@ class SystemState:
     wiring: Wiring
     joint: SavedStates | None = None  # states of FMUs that were saved by one call
     samples: int = 0
-    ending: tuple[int, str] | None = None
+    ending: Ending | None = None
     steps: AdaptiveState | None = None  # of a run with a tolerance
     instances: Mapping[str, SystemComponent] = field(
         default_factory=dict, repr=False
@@ -253,15 +253,15 @@ def _read(data: bytes, what: str) -> SystemState:
     try:
         wiring, keys, named = about["wiring"], [tuple(k) for k in about["keys"]], about["components"]
         base = TimeBase(*(_fraction(text) for text in about["base"]))
-        tick, ending = about["tick"], about["ending"]
+        tick, ending = about["tick"], None if about["ending"] is None else Ending(*about["ending"])
         _check_wiring(wiring)
         if base.tick <= 0 or abs(base.start) > LONGEST or base.tick > LONGEST:
             refuse("its ticks have no length")
         if type(tick) is not int or not 0 <= tick <= MOST_TICKS:
             refuse("its time is invalid")
         if ending is not None:
-            end, text = ending
-            if type(end) is not int or type(text) is not str or not tick <= end <= MOST_TICKS:
+            valid = type(ending.tick) is int and tick <= ending.tick <= MOST_TICKS and type(ending.text) is str
+            if not valid or ending.component not in wiring["components"]:
                 refuse("its end is invalid")
         if about["phase"] not in _PHASES:
             refuse("its phase is invalid")
@@ -287,7 +287,7 @@ def _read(data: bytes, what: str) -> SystemState:
             keys=keys,
             individual=components,
             wiring=wiring,
-            ending=None if ending is None else (ending[0], ending[1]),
+            ending=ending,
         )
         for name in known:
             state.clock(name)

@@ -209,9 +209,9 @@ def make_layout(
     return layout
 
 
-def _storage_order(variable: Variable) -> tuple[str, int, int]:
-    """Variables of one FMI call side by side, array elements in order."""
-    return variable.fmi_type, variable.reference, variable.index
+def _storage_order(variable: Variable) -> tuple[str, int, int, str]:
+    """Variables of one FMI call side by side, array elements in order; those of Python components by name."""
+    return variable.fmi_type, variable.reference, variable.index, variable.name
 
 
 def _port(layout: Layout, schedule: Schedule, component: SystemComponent, outputs: list[Variable]) -> PortLayout:

@@ -87,7 +87,7 @@ class Part:
         files = wrappers(self.name, self.version, self.c_files, names)
         if exchange:
             calls = [f"fmi{self.version}{name}" for name in exchange]
-            own, table = f"{self.prefix}functions.c", f"const ExchangeCall {self.prefix}exchange[EXCHANGE_CALLS]"
+            own, table = f"{self.prefix}functions.c", f"const ExchangeCall {self.prefix}exchange[]"
             declared = "".join(f"{name}TYPE {name};\n" for name in calls)
             listed = ", ".join(f"(ExchangeCall){name}" for name in calls)
             files[own] += f"{declared}extern {table};\n{table} = {{{listed}}};\n".encode()

@@ -202,7 +202,9 @@ class BoundInstance(FmuInstance):
             self._address(references),
             len(how.arrays),
             data,
-            *(() if how.in_place else (element, place)),
+            None if how.in_place else element,
+            None if how.in_place else place,
+            how.widths,
         )
         return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, transfer)
 

@@ -31,6 +31,12 @@ class Arrangement:
     sizes: tuple[int, ...] = ()  # bytes at most of each value that has more than one place (`engine/exact_values.h`)
 
     @property
+    def widths(self) -> npt.NDArray[np.uint32] | None:
+        """Number of elements of each variable, None: all have one."""
+        found = np.array([elements[0].size for elements in self.arrays.values()], dtype=np.uint32)
+        return found if (found > 1).any() else None
+
+    @property
     def keeps(self) -> bool:
         """There are elements of arrays that are not moved."""
         return self.total > len(self.place)

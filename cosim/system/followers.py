@@ -23,7 +23,7 @@ class Follower:
 
 
 def find_followers(schedule: Schedule, loops: Sequence[AlgebraicLoop], depends: Depends) -> list[Follower]:
-    """Followers, each after those that it depends on; a component may occur several times.
+    """Followers in the order of the schedule, each after those that it depends on; a component may occur again.
 
     Loops with Model Exchange FMUs are among them in any case. A connection with a delay passes nothing on, nor does one
     to a discrete component or to an input that belongs to a clock.
@@ -31,6 +31,7 @@ def find_followers(schedule: Schedule, loops: Sequence[AlgebraicLoop], depends: 
     if not any(m.description.begins_with_events for m in schedule.components):
         return []
     solved = {(c.source, c.output.name): loop for loop in loops for c in loop.connections}
+    place = {what: i for i, what in enumerate((*loops, *schedule.components))}
     reads: dict[_Value, list[Connection]] = {}
     for c in numeric(schedule.connections):
         if c.delay or c.input.clocks or c.target.discrete:
@@ -57,10 +58,6 @@ def find_followers(schedule: Schedule, loops: Sequence[AlgebraicLoop], depends: 
             if changed or (isinstance(what, AlgebraicLoop) and what.has_events):
                 moved.add(value)
                 level.setdefault(what, {}).update({(c.source, c.output): None for c in changed})
-        found += [Follower(what, (*level[what],)) for what in sorted(level, key=_name)]
+        found += [Follower(what, (*level[what],)) for what in sorted(level, key=place.__getitem__)]
         order.done(*ready)
     return found
-
-
-def _name(what: SystemComponent | AlgebraicLoop) -> str:
-    return what.names if isinstance(what, AlgebraicLoop) else what.name

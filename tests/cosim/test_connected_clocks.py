@@ -183,6 +183,7 @@ def ending(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, tuple[Path, P
         (False, "early", 0.035, 0.03),
         (False, "in event mode", 0.03, 0.03),
         (False, "in event mode", 0.032, 0.03),
+        (False, "in event mode", 0.0, 0.0),
         (True, "whole", 0.04, 0.04),
         (True, "early", 0.035, 0.03),
         (True, "in event mode", 0.118, 0.12),

@@ -293,3 +293,16 @@ def test_factors_may_be_whole_numbers():
         seen.append(system["target"].implementation.log)
     assert seen[0] == [(t, 3 * t + 1000) for t in range(5)]
     assert seen[1] == seen[0]
+
+
+def test_slots_of_a_python_component_have_one_order():
+    """Not that of hashes: the errors of a run with a tolerance are compared in it."""
+    names = [f"y{i}" for i in range(9)]
+
+    class Many(PythonComponent):
+        outputs = names
+
+    with System() as system:
+        system.add("m", Many(), step="1 ms")
+        with system.initialize(record=[f"m.{n}" for n in reversed(names)]) as simulation:
+            assert [v.name for _, v in simulation.exchange.layout.visible] == names

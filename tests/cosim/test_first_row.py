@@ -15,6 +15,7 @@ from same import assert_same, bits
 
 from cosim import CosimError, PythonComponent, Recording, StopWhen, System, SystemState
 from cosim.batch import Batch
+from cosim.system.components import SystemComponent
 from cosim.system.followers import find_followers
 from cosim.system.loops import declared
 
@@ -94,6 +95,17 @@ def test_what_is_followed_has_the_order_of_the_system(folder):
     with system:
         *_, found = find_followers(system.schedule(), (), declared)
     assert [m.name for m, _ in found.reads] == names
+
+
+def test_followers_of_one_level_have_the_order_of_the_schedule(folder):
+    system = chain(relay.build(3, folder), "a")
+    for name in "bcd":
+        system.add(name, Doubled(), step=STEP)
+        system.connect("a.y", f"{name}.u")
+    system.group("group", ["d", "b"], "gauss-seidel")
+    with system:
+        found = find_followers(system.schedule(), (), declared)
+    assert [f.what.name for f in found if isinstance(f.what, SystemComponent)] == ["c", "d", "b"]
 
 
 @pytest.mark.parametrize("offset", [1.0, -1.0])
@@ -187,6 +199,40 @@ def test_a_co_simulation_fmu_that_refuses_between_steps_keeps_what_it_has(folder
         assert [begun[n] for n in names] == [0.0, 0.0]
     with made(-2.0) as system, pytest.raises(CosimError, match="component 'c'"):
         system.run(0.25, record=names)
+
+
+@ISOLATED
+@VERSIONS
+def test_an_output_that_is_refused_between_steps_keeps_no_other_one(folder, version, isolated):
+    """Whatever is recorded: b is, which c refuses then. In an exported system, too."""
+    a = np.sin(-2.0)
+    expected = {"c.a": a, "d.y": 2.0 * a, "c.b": -1.0}
+    if version == 3:
+        expected |= {"c.multiples[1]": a, "c.multiples[2]": 2.0 * a}
+
+    def made() -> System:
+        system, path = System(), relay.build(version, folder)
+        system.add("b", path, step=STEP, parameters=JUMPS)
+        fmu = sloped.build(version, folder, multiples=version == 3)
+        system.add("c", fmu, step=STEP, parameters={"trouble": 9.0}, isolated=isolated)
+        system.add("d", path, step=STEP, parameters=PASSES)
+        system.connect("b.y", "c.p", linear=(-2.0, 0.0))
+        system.connect("c.a", "d.u")
+        return system
+
+    def shown(system: System, names: list[str]) -> list[float]:
+        with system, system.initialize(record=names) as begun:
+            return [begun[n] for n in names]
+
+    names = [*expected]
+    for some in (names, names[:2], names[::-1], names[-1:]):
+        assert shown(made(), some) == [expected[n] for n in some]
+    if not isolated:
+        with made() as system:
+            path = system.export_fmu(folder / f"Refusing{version}.fmu", fmi=version, outputs=names)
+        outer = System(allow_unconnected=True)
+        outer.add("s", path, step=STEP)
+        assert shown(outer, [f"s.{n}" for n in names]) == [*expected.values()]
 
 
 def test_what_a_co_simulation_fmu_counts_in_event_mode_is_followed(folder):
@@ -411,8 +457,10 @@ def test_a_state_of_a_run_that_has_ended_there_can_be_restored(folder, version):
     with chain(relay.build(version, folder), "a", "b") as system:
         system.components["a"].set({"ends": 1.0})
         with system.initialize(record=["b.y"]) as simulation:
-            saved = simulation.save().to_bytes()
-        found = system.run(0.5, record=["b.y"], state=SystemState.from_bytes(saved))
+            saved = SystemState.from_bytes(simulation.save().to_bytes())
+        found = system.run(0.5, record=["b.y"], state=saved)
+    assert saved.ending is not None
+    assert (saved.ending.tick, saved.ending.component) == (0, "a")
     assert found["b.y"].tolist() == [2.0]
     assert "'a' asked to end the simulation" in (found.stopped_by or "")
 

@@ -127,6 +127,29 @@ def test_a_relay_that_asks_for_the_end_once_ends_the_run(folder, version, isolat
     assert found["m0.open"].tolist() == [0, 0, 0, 0, 1]
 
 
+@ISOLATED
+@VERSIONS
+def test_a_relay_that_discards_an_update_fails_as_outside_of_a_loop(folder, version, isolated):
+    """Once: its step, which updates it again, would not fail."""
+    path, function = relay.build(version, folder), {2: "fmi2NewDiscreteStates", 3: "fmi3UpdateDiscreteStates"}[version]
+    looped = one(path, isolated=isolated, ends=2.0)
+    alone = one(path, isolated=isolated, ends=2.0)
+    alone.disconnect("m0.u")
+    for system in (looped, alone):
+        with system, pytest.raises(ComponentError, match=f"'m0': {function} returned Discard"):
+            system.run(2.0, record=["m0.open"])
+
+
+@VERSIONS
+def test_so_it_does_in_an_exported_system(folder, version):
+    with one(relay.build(version, folder), ends=2.0) as system:
+        path = system.export_fmu(folder / f"Discarding{version}.fmu", fmi=version)
+    with System() as system:
+        system.add("s", path, step=STEP)
+        with pytest.raises(ComponentError, match=r"'m0': DoStep returned Discard at time 0\.5 s"):
+            system.run(2.0)
+
+
 @VERSIONS
 def test_an_exported_system_does_the_same(folder, version):
     names = ["m0.y", "m1.y", "m0.open", "m1.open"]

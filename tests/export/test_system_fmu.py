@@ -20,7 +20,7 @@ from built import FMUS, BuiltFmus
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
-from foreign import calculating, making
+from foreign import calculating, eventful, making, relay, sloped
 from same import bits
 
 from cosim import CosimError, Fmu, FmuError, PythonComponent, Record, System, WiringError
@@ -495,6 +495,33 @@ def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, awkward_fmus: dic
         again.run("1/1000", record=[])
 
 
+def run_to_its_end(path: Path, folder: Path) -> tuple[float, dict[str, float]]:
+    """Where an FMU ends that asks for it within 1 s, and what it shows then; it takes no step after that."""
+    about = fmpy.read_model_description(path)
+    made = fmpy.instantiate_fmu(fmpy.extract(path, folder), about, "CoSimulation")
+    fmi = int(about.fmiVersion[0])
+    if fmi == 2:
+        made.setupExperiment()
+    made.enterInitializationMode()
+    made.exitInitializationMode()
+    if fmi == 2:
+        with pytest.raises(fmpy.fmi1.FMICallException, match="status 2"):
+            [made.doStep(0.25 * k, 0.25) for k in range(4)]
+        assert made.getBooleanStatus(fmpy.fmi2.fmi2Terminated)
+        reached = made.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
+    else:
+        steps = (made.doStep(0.25 * k, 0.25) for k in range(4))
+        early, reached = next((early, last) for _, terminated, early, last in steps if terminated)
+        assert not early, "mightReturnEarlyFromDoStep is false"
+    outputs = {v.name: v.valueReference for v in about.modelVariables if v.causality == "output"}
+    shown = (made.getReal if fmi == 2 else made.getFloat64)([*outputs.values()])
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        made.doStep(reached, 0.25)
+    made.terminate()
+    made.freeInstance()
+    return reached, dict(zip(outputs, shown, strict=True))
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("trouble", [awkward.END, awkward.END_EARLY, awkward.END_UNTOLD])
@@ -509,23 +536,11 @@ def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
         system.add("law", awkward_fmus[version], kind="discrete", step="0.1 s")
         system.add("fast", awkward_fmus[version], step="10 ms")
         result = system.run(1.0, record=Record(interval="50 ms"))
-        about = fmpy.read_model_description(path := system.export_fmu(tmp_path / "Ending.fmu", fmi=fmi))
-    made = fmpy.instantiate_fmu(fmpy.extract(path, tmp_path / "extracted"), about, "CoSimulation")
-    if fmi == 2:
-        made.setupExperiment()
-    made.enterInitializationMode()
-    made.exitInitializationMode()
-    reference = {v.name: v.valueReference for v in about.modelVariables}
-    get = made.getReal if fmi == 2 else made.getFloat64
-    if fmi == 2:
-        with pytest.raises(fmpy.fmi1.FMICallException, match="status 2"):
-            [made.doStep(0.25 * k, 0.25) for k in range(4)]
-        assert made.getBooleanStatus(fmpy.fmi2.fmi2Terminated)
-        reached = made.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
-    else:
-        steps = (made.doStep(0.25 * k, 0.25) for k in range(4))
-        early, reached = next((early, last) for _, terminated, early, last in steps if terminated)
-        assert not early, "mightReturnEarlyFromDoStep is false"
+        path = system.export_fmu(tmp_path / "Ending.fmu", fmi=fmi, outputs=["plant.y", "law.y", "fast.y"])
+    reached, shown = run_to_its_end(path, tmp_path / "extracted")
+    assert reached == result.time[-1]
+    assert shown == {name: result[name][-1] for name in shown}
+    if fmi == 3:
         alone = fmpy.simulate_fmu(path, stop_time=1.0, output_interval=0.25, output=["plant.y"])
         assert alone["plant.y"][-1] == result["plant.y"][-1]
         for depth in (1, 2):
@@ -534,10 +549,30 @@ def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
                 again, path = outer.run(1.0, record=[]), outer.export_fmu(tmp_path / f"Nested{depth}.fmu")
             assert "'s' asked to end" in str(again.stopped_by)
             assert again.time[-1] == 0.25, "its step was not whole"
-    assert reached == result.time[-1]
-    for name in ("plant.y", "law.y", "fast.y"):
-        assert get([reference[name]]) == [result[name][-1]], name
-    with pytest.raises(fmpy.fmi1.FMICallException):
-        made.doStep(reached, 0.1)
-    made.terminate()
-    made.freeInstance()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("first", ["relay 2", "relay 3", "eventful"])
+def test_a_request_in_the_first_event_iteration_ends_the_system_in_its_first_step(tmp_path, fmi, first):
+    """With the row of a run, in which the discrete component c has had its step."""
+    with System(allow_unconnected=True) as system:
+        if first == "eventful":
+            own = {"kind": eventful.KINDS.index("ending"), "period": 0.0}
+            system.add("a", eventful.build(tmp_path), step="0.125 s", parameters=own)
+        else:
+            own = {"gain": 0.0, "on": -1.0, "off": -1.0, "ends": 1.0}
+            system.add("a", relay.build(int(first[-1]), tmp_path), step="0.125 s", parameters=own)
+        system.add("b", relay.build(3, tmp_path), step="0.125 s", parameters=own if first == "relay 2" else {})
+        system.add("c", sloped.build(3, tmp_path), kind="discrete", step="0.125 s")
+        for target in ("b.u", "c.p"):
+            system.connect("a.count" if first == "eventful" else "a.y", target)
+        result = system.run(1.0, record=["b.y", "c.a"])
+        path = system.export_fmu(tmp_path / "Ending.fmu", fmi=fmi, outputs=["b.y", "c.a"])
+    assert result["c.a"].tolist() == [0.125 + np.sin(1.0)]
+    assert run_to_its_end(path, tmp_path / "extracted") == (0.0, {n: result[n][0] for n in result.names})
+    with System() as outer:
+        outer.add("s", path, step="0.25 s")
+        found = outer.run(1.0, record=["s.b.y"])
+    assert (found.time.tolist(), found["s.b.y"].tolist()) == ([0.0], result["b.y"].tolist())
+    assert "'s' asked to end" in str(found.stopped_by)
+    assert "component 'a' requests termination" in str(found.stopped_by)

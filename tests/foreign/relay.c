@@ -1,6 +1,6 @@
 /* A relay, FMI 2.0 or 3.0, Model Exchange: y = gain (u + a) + offset while it is open, without offset else. It opens
  * where u + a >= on and closes where u + a < off, both by an update of discrete states, and dx/dt = y. `updates` counts
- * those. The update in which it opens asks for the end if `ends` is not 0. */
+ * those. The update in which it opens asks for the end if `ends` is 1, and returns Discard if it is 2. */
 #include "../fmi_names.h"
 
 enum { U, Y, X, DX, GAIN, OFFSET, ON, OFF, OPEN, UPDATES, A, ENDS, VALUES };
@@ -39,28 +39,28 @@ static double *at(Model *m, Reference r) {
     v[DX] = v[Y] = v[GAIN] * (v[U] + v[A]) + (v[OPEN] != 0.0 ? v[OFFSET] : 0.0);
     return &v[r];
 }
-static Flag update(Model *m) {
+static Status update(Model *m, Flag *end) {
     double *const v = m->value, was = v[OPEN];
     v[UPDATES] += 1.0;
     if (v[U] + v[A] >= v[ON]) v[OPEN] = 1.0;
     else if (v[U] + v[A] < v[OFF]) v[OPEN] = 0.0;
-    return v[ENDS] != 0.0 && v[OPEN] > was;
+    const bool opens = v[OPEN] > was;
+    *end = opens && v[ENDS] == 1.0;
+    return opens && v[ENDS] == 2.0 ? F(Discard) : F(OK);
 }
 ACCESS(REAL, double, EACH(value[i] = *at(c, vr[i])), EACH(M->value[vr[i]] = value[i]))
 COPIED_STATES(Model, )
 #if FMI == 2
 Status fmi2GetDerivatives(Instance c, double dx[], size_t n) { return dx[0] = *at(c, DX), fmi2OK; }
-Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) { 
+Status fmi2NewDiscreteStates(Instance c, fmi2EventInfo *i) {
     memset(i, 0, sizeof *i);
-    i->terminateSimulation = update(c);
-    return fmi2OK;
+    return update(c, &i->terminateSimulation);
 }
 #else
 Status fmi3GetContinuousStateDerivatives(Instance c, double dx[], size_t n) { return dx[0] = *at(c, DX), fmi3OK; }
 Status fmi3UpdateDiscreteStates(
     Instance c, Flag *again, Flag *end, Flag *nominals, Flag *states, Flag *defined, double *next) {
     *again = *nominals = *states = *defined = false;
-    *end = update(c);
-    return fmi3OK;
+    return update(c, end);
 }
 #endif

@@ -4,17 +4,19 @@
  *
  * with directional derivatives. Of these the parameter `trouble` makes: 1 others, 2 NaN, 3 to 5 Discard, Error or
  * Fatal. With 6, outputs follow inputs in steps only, and a also has the sum of h p over the steps. With 7, getting
- * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. `calls` counts
- * derivatives. With DISCRETE q is a discrete input: setting it in step mode is an Error. */
+ * values for p < -1 returns Discard and a wrong value. With 8, a grows by 1 when initialization ends. With 9, getting b
+ * for p < -1 returns Discard and wrong values of all that is asked for. With 10, the first update for p >= 1 asks for
+ * the end. `calls` counts derivatives; `multiples` are a and 2 a. With DISCRETE q is a discrete input: setting it in
+ * step mode is an Error. */
 #include <math.h>
 
 #include "../fmi_names.h"
 
-enum { P, Q, A, B, K, TROUBLE, CALLS };
+enum { P, Q, A, B, K, TROUBLE, CALLS, MULTIPLES = 8 };
 
 typedef struct {
     double value[7], time, sum;
-    bool stepping;
+    bool stepping, asked;
 } Model;
 
 static bool is_lazy(const Model *m) { return m->value[TROUBLE] == 6.0; }
@@ -34,6 +36,20 @@ static void compute(Model *m) {
 static double get(Model *m, Reference r) {
     if (!is_lazy(m)) compute(m);
     return m->value[r];
+}
+
+/* All values that are asked for; false where it refuses them. */
+static bool tell(Model *m, const Reference of[], size_t n, double value[]) {
+    double *const first = value;
+    bool refused = m->value[TROUBLE] == 7.0;
+    for (size_t i = 0; i < n; i++) {
+        *value++ = get(m, of[i] == MULTIPLES ? A : of[i]);
+        if (of[i] == MULTIPLES) *value++ = 2.0 * get(m, A);
+        refused |= of[i] == B && m->value[TROUBLE] == 9.0;
+    }
+    refused &= m->value[P] < -1.0;
+    while (refused && value > first) *--value = 1e3;
+    return !refused;
 }
 
 static void step(Model *m, double t, double h) {
@@ -67,8 +83,7 @@ SETUP((M->time = begin, M->sum = 0.0, F(OK)), F(OK))
 Status F(ExitInitializationMode)(Instance c) { return M->sum += M->value[TROUBLE] == 8.0, F(OK); }
 Status F(Terminate)(Instance c) { return F(OK); }
 Status F(Reset)(Instance c) { return memset(M, 0, sizeof(Model)), M->value[K] = 1.0, F(OK); }
-ACCESS(REAL, double, if (M->value[TROUBLE] == 7.0 && M->value[P] < -1.0) return (value[0] = 1e3, F(Discard));
-    EACH(value[i] = get(M, vr[i])),
+ACCESS(REAL, double, return tell(M, vr, n, value) ? F(OK) : F(Discard),
     if (DISCRETE && M->stepping) for (size_t i = 0; i < n; i++) if (vr[i] == Q) return F(Error);
     EACH(M->value[vr[i]] = value[i]))
 #if FMI == 3
@@ -76,7 +91,9 @@ Status fmi3EnterEventMode(Instance c) { return M->stepping = false, fmi3OK; }
 Status fmi3EnterStepMode(Instance c) { return M->stepping = true, fmi3OK; }
 Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate, Flag *nominals, Flag *values, Flag *has_next,
     double *next) {
-    *again = *terminate = *nominals = *values = *has_next = false;
+    *again = *nominals = *values = *has_next = false;
+    *terminate = M->value[TROUBLE] == 10.0 && M->value[P] >= 1.0 && !M->asked;
+    M->asked |= *terminate;
     return fmi3OK;
 }
 Status fmi3SetClock(Instance c, const Reference vr[], size_t n, const fmi3Clock value[]) { return fmi3OK; }

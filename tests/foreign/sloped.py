@@ -23,9 +23,10 @@ _KINDS = {
 }
 
 
-def description(version: int, *, offers: bool = True, events: str = "") -> str:
+def description(version: int, *, offers: bool = True, events: str = "", multiples: bool = False) -> str:
     """modelDescription.xml; `offers` directional derivatives. `events`: what it has event mode for, of FMI 3.0.
 
+    `multiples`: with the array of this name, of FMI 3.0.
     "clock" or "ticked": an input clock that ticks by itself, or that a connection ticks; "discrete": the input q.
     """
     three, variables = version == 3, []
@@ -38,12 +39,15 @@ def description(version: int, *, offers: bool = True, events: str = "") -> str:
         )
     if events in _KINDS:
         variables.append(f'<Clock name="clock" valueReference="7" causality="input" {_KINDS[events]}/>')
+    if multiples:
+        array = 'name="multiples" valueReference="8" causality="output" variability="continuous"'
+        variables.append(f'<Float64 {array}><Dimension start="2"/></Float64>')
     if three:
         variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
         structure = "".join(
             f'<{kind} valueReference="{i}" dependencies="0 1"/>'
             for kind in ("Output", "InitialUnknown")
-            for i in (2, 3)
+            for i in (2, 3, *[8] * multiples)
         )
         head, can = 'fmiVersion="3.0" instantiationToken="sloped"', 'canGetAndSetFMUState="true"'
         offered = 'providesDirectionalDerivatives="true"'
@@ -61,13 +65,21 @@ def description(version: int, *, offers: bool = True, events: str = "") -> str:
     )
 
 
-def build(version: int, folder: Path, *, offers: bool = True, lacking: bool = False, events: str = "") -> Path:
+def build(
+    version: int,
+    folder: Path,
+    *,
+    offers: bool = True,
+    lacking: bool = False,
+    events: str = "",
+    multiples: bool = False,
+) -> Path:
     """The FMU for this machine, in a folder; `lacking`: the function for derivatives is not in its library."""
     name = f"sloped{version}{events}" + "lacking" * lacking
     function = f"fmi{version}GetDirectionalDerivative"
     sources = [making.HERE / "sloped.c", making.others(folder, name, version, without=[function])]
     flags = [*["-DLACKING"] * lacking, f"-DDISCRETE={int(events == 'discrete')}"]
     library = making.compile_library(folder, name, version, sources, *flags)
-    text = description(version, offers=offers, events=events)
-    path = folder / f"{name.capitalize()}{'' if offers else 'Silent'}.fmu"
+    text = description(version, offers=offers, events=events, multiples=multiples)
+    path = folder / f"{name.capitalize()}{'' if offers else 'Silent'}{'Multiples' * multiples}.fmu"
     return making.pack(path, making.contents(version, "sloped", text, library))

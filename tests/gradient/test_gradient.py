@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from built import OBJECTS, BuiltFmus
+from foreign import relay, sloped
 from rides import RIDES, bench_step, system_of
 from same import bits
 
@@ -338,6 +339,32 @@ def test_an_instance_beside_the_run_that_fails_is_named(first: float, tmp_path: 
         system.isolate("root")
         with pytest.raises(CosimError, match="'root': an instance beside it, for differences, failed where it did not"):
             system.gradient({"end": Final("root.flow")}, "shifted.height", stop_time="0.1 s")
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0], ids=["begin", "later"])
+def test_an_instance_beside_the_run_that_asks_for_the_end_is_named(first: float, tmp_path: Path) -> None:
+    """FMUs at a level that is hardly below their limit, at once or after the first sample."""
+    shifted = Component("Shifted", kind="discrete", description="a level", source="none", sample_time=0.01)
+    height = shifted.parameter("height", 1.0 - 1e-9, "1", "height", source="assumed")
+    less = shifted.state("less", "1", "less than the height, at first", start=first)
+    shifted.update(less, 0.0)
+    shifted.output("level", height - less, "1", "level")
+    path = tmp_path / "Shifted.fmu"
+    path.write_bytes(build_fmu(shifted, 3, resolve_platforms("host"), OBJECTS))
+    fmus = {
+        "me.u": (relay.build(3, tmp_path), {"ends": 1.0}),
+        "cs.p": (sloped.build(3, tmp_path, events="discrete"), {"trouble": 10.0}),
+    }
+    for name, output in (("me.u", "me.y"), ("cs.p", "cs.a")):
+        with System(allow_unconnected=True) as system:
+            system.add("shifted", path, step="10 ms")
+            system.add(name[:2], fmus[name][0], step="10 ms", parameters=fmus[name][1])
+            for target in (name, *["cs.q"] * (name == "cs.p")):
+                system.connect("shifted.level", target)
+            when = "t = 0 s" if not first else "t = 0.01 s"
+            text = f"ends at {when}: component '{name[:2]}': an instance beside it"
+            with pytest.raises(GradientError, match=text):
+                system.gradient({"end": Final(output)}, "shifted.height", stop_time="0.1 s")
 
 
 def test_ties_are_told_with_their_time(tmp_path: Path) -> None:

@@ -478,6 +478,8 @@ FORGED = [
     lambda a, p: (a, [p[0][:-8], *p[1:]]),
     lambda a, p: ({}, p),
     lambda a, p: (a | {"components": [a["components"][0]] * 2}, p),
+    about_of("ending", [0, "nobody", "x"]),
+    about_of("ending", [0, "law", 3]),
 ]
 
 

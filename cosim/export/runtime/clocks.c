@@ -94,6 +94,12 @@ static bool later(Component *m, uint32_t reference, double *value, bool set) {
     return false;
 }
 
+static bool why(const Component *m, double *time, char *text, size_t size) { /* `culprit` has the text */
+    (void)size, *text = 0;
+    *time = fmu_of(m)->memory.now;
+    return fmu_of(m)->network->report.end != CLOCKED_TERMINATED;
+}
+
 static Component *culprit(const Component *m, int32_t *call, char *text, size_t size) {
     const ClockedReport *const r = &fmu_of(m)->network->report;
     clocked_calls.why(fmu_of(m)->network, text, size);
@@ -109,7 +115,7 @@ static uint32_t step(
 static uint32_t changed(const Component *m) { return fmu_of(m)->changed; }
 
 const Exchange clocks = {
-    make, begin, bind, NULL, change, NULL, NULL, step, leave, values, attach, later, culprit, changed};
+    make, begin, bind, NULL, change, why, NULL, step, leave, values, attach, later, culprit, changed};
 
 static size_t room(const PlanNetwork *p) {
     return sizeof(ClockedNetwork) + 4 * (size_t)p->n_components * sizeof(ClockedFmu *);

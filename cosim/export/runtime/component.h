@@ -95,7 +95,6 @@ typedef struct {
     uint32_t (*changed)(const Component *m);       /* bits for component_changed, beside those that the engine sees */
 } Exchange;
 extern const Exchange exchange, events, clocks;
-enum { EXCHANGE_CALLS = 14 }; /* those of the integrator, and InstantiateModelExchange */
 
 /* Setup of a component with events. */
 typedef struct {
@@ -151,7 +150,7 @@ struct Component {
     const Exchange *exchange; /* NULL: it steps itself */
     const void *setup;        /* IntegratorSetup, EventSetup or ClockedSetup */
     const uint32_t *references;
-    const ExchangeCall *linked;
+    const ExchangeCall *linked; /* functions of the integrator, then InstantiateModelExchange of FMI 3.0 */
     ExchangeCall (*find)(void *library, int version, const char *name);
     void *integrator;         /* or EventSteps or ClockedFmu */
     ComponentMemory memory[2]; /* of it */
@@ -205,8 +204,8 @@ bool component_later(Component *m, uint32_t reference, double *value, bool set);
 
 /* What the engine calls for a kind; 0 where the version has no such function. */
 void component_values(const Component *m, Kind kind, bool set, EngineTransfer *transfer);
-/* Whether one of FMI 2.0, or that is integrated, did in its last step; *reached: the time [s] until which that step was
- * taken, if it says so. */
+/* Whether one of FMI 2.0, or that is integrated, did in its last step, or any one in its first event iteration;
+ * *reached: the time [s] until which that step was taken, if it says so. */
 bool component_asked_to_end(Component *m, double *reached);
 
 #endif

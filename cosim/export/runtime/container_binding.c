@@ -61,6 +61,7 @@ FmuStatus container_bind(FmuInstance *self) {
                                            : (void *)((set ? from_u : to_y) + from->at);
                 *t = (EngineTransfer){.references = from->references,
                     .n_references = from->n_references,
+                    .widths = from->widths,
                     .data = data,
                     .n_data = from->n_data,
                     .n = from->n,

@@ -150,22 +150,33 @@ static FmuStatus check_finite(FmuInstance *self) {
     return FMU_OK;
 }
 
+/* The first event iteration of component i has returned a status. Where it asks for the end, the run ends in the first
+ * instant. */
+static FmuStatus begun(FmuInstance *self, int32_t i, uint32_t status) {
+    State *s = self->state;
+    double time;
+    char text[1024];
+    int32_t call = 0;
+    if (status <= fmi3Warning) return FMU_OK;
+    if (!component_asked_to_end(&self->components[i], &time)) return container_step_failed(self, i, status);
+    if (s->ending == INT64_MAX) s->ends_by = container_culprit(self, i, &call, text, sizeof text);
+    s->ending = s->tick;
+    return FMU_OK;
+}
+
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
     State *s = self->state;
     FmuStatus result = container_settle(self);
     memcpy(self->before, self->values, P->n_values * sizeof *self->before);
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++) {
-        uint32_t status = component_exit(&self->components[i]);
+        const uint32_t status = component_exit(&self->components[i]);
         const Exchange *const steps = P->components[i].exchange;
-        if (status > fmi3Warning && !(steps && steps->culprit))
-            result = container_failed(self, i, "ExitInitializationMode", status);
-        else if (status > fmi3Warning || (status = component_begin(&self->components[i])) > fmi3Warning)
-            result = container_step_failed(self, i, status);
+        if (status <= fmi3Warning) result = begun(self, i, component_begin(&self->components[i]));
+        else if (steps && steps->culprit) result = container_step_failed(self, i, status);
+        else result = container_failed(self, i, "ExitInitializationMode", status);
     }
-    for (int32_t i = 0; i < P->n_connected && result == FMU_OK; i++) {
-        const uint32_t status = P->networks->begin(container_network(self, i));
-        if (status > fmi3Warning) result = container_step_failed(self, P->connected[i].components[0], status);
-    }
+    for (int32_t i = 0; i < P->n_connected && result == FMU_OK; i++)
+        result = begun(self, P->connected[i].components[0], P->networks->begin(container_network(self, i)));
     for (int32_t i = 0; i < P->n_components && result == FMU_OK; i++)
         if (get_outputs(self, i, &self->bound[i])) result = container_call_failed(self, i);
     container_say_changes(self);

@@ -161,13 +161,14 @@ static FmuStatus outcome(FmuInstance *self, int result) {
 static int64_t earlier(int64_t a, int64_t b) { return a < b ? a : b; }
 
 /* From the present instant, which has arrived, to the end. Where a component asks for the end after its step, all
- * others go on until that step ends; where it did not take it, only what is left of its sample is done. */
+ * others go on until that step ends; where it did not take it, or has asked in its first event iteration, only what is
+ * left of the sample is done. */
 static int run_to(FmuInstance *self, int64_t end) {
     State *const s = self->state;
     Engine *const e = &self->engine;
-    bool advances = true, whole = false;
+    bool advances = s->tick < s->ending, whole = false;
     int result = engine_sample(e, fmu_time(self));
-    if (!result) result = engine_advance(e, fmu_time(self));
+    if (!result && advances) result = engine_advance(e, fmu_time(self));
     for (;;) {
         if (!result) {
             const int64_t until = earlier(end, s->ending);

@@ -5,24 +5,24 @@
 #include "component.h"
 #include "integrator.h"
 
-typedef fmi3InstantiateModelExchangeTYPE *Instantiate3;
+/* Function number `i` of the FMU, or NULL. */
+static ExchangeCall function(const Component *m, uint32_t i, const char *name) {
+    return m->linked ? m->linked[i] : m->find(m->library, m->version, name);
+}
 
 static bool make(Component *m, const char *name, const char *token, const char *resources) {
     const IntegratorSetup *const setup = m->setup;
-    void *calls[EXCHANGE_CALLS] = {NULL};
-    for (uint32_t i = 0; i < EXCHANGE_CALLS; i++) {
-        const char *const found = i < INTEGRATOR_FUNCTIONS ? integrator_function((uint32_t)m->version, i)
-                                                           : "InstantiateModelExchange";
-        if (!found) continue;
-        const ExchangeCall call = m->linked ? m->linked[i] : m->find(m->library, m->version, found);
+    void *calls[INTEGRATOR_FUNCTIONS] = {NULL};
+    for (uint32_t i = 0; i < INTEGRATOR_FUNCTIONS; i++) {
+        const char *const found = integrator_function((uint32_t)m->version, i);
+        const ExchangeCall call = found ? function(m, i, found) : NULL;
         memcpy(&calls[i], &call, sizeof call);
-        if (i < INTEGRATOR_FUNCTIONS && !call && integrator_needs(setup, i)) return false;
+        if (found && !call && integrator_needs(setup, i)) return false;
     }
     if (m->version == 3) {
-        Instantiate3 instantiate;
-        memcpy(&instantiate, &calls[INTEGRATOR_FUNCTIONS], sizeof instantiate);
-        if (!instantiate) return false;
-        m->instance = instantiate(name, token, resources, false, false, m, m->say);
+        const ExchangeCall call = function(m, INTEGRATOR_FUNCTIONS, "InstantiateModelExchange");
+        if (!call) return false;
+        m->instance = ((fmi3InstantiateModelExchangeTYPE *)call)(name, token, resources, false, false, m, m->say);
     }
     if (!m->instance) return false;
     m->integrator = malloc(integrator_size(setup));

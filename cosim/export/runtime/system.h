@@ -14,9 +14,9 @@ typedef struct {
 /* One call that moves all connected variables of one type. */
 typedef struct {
     Kind kind;
-    const uint32_t *references;
+    const uint32_t *references, *widths;
     uint32_t n_references;
-    uint32_t n_data;                 /* elements of its variables */
+    uint32_t n_data;                 /* elements of its variables, and of each one as in EngineTransfer */
     const uint32_t *element, *place; /* as in EngineTransfer; NULL: the data are u or y from `at` on */
     uint32_t n, at;
     uint32_t buffer;                 /* otherwise: where they are among the buffers, in bytes */
