@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from cosim.check.apart import run_apart
-from cosim.check.calls import OK, WARNING, Ended, Fmu, Instance, Refused, bits
+from cosim.check.calls import Ended, Fmu, Instance, Refused, bits
 from cosim.check.model import Interface, Model, Var
 from cosim.check.rules import Finding, NotApplicable, warning
 
@@ -249,9 +249,14 @@ def shown(x: Any) -> str:
     return f"{x:.9g}" if isinstance(x, float) else str(x)
 
 
-def moved(v: Var, values: Sequence[Any], by: float = 1e-2) -> list[Any] | None:
-    """Other values within the range of a variable; None: there are none."""
-    low, high = (-math.inf if v.low is None else v.low), (math.inf if v.high is None else v.high)
+def all_moved(variables: Iterable[Var], by: float = 1e-2) -> Values:
+    """`moved` of all variables that have other values."""
+    return {v: values for v in variables if (values := moved(v, by)) is not None}
+
+
+def moved(v: Var, by: float = 1e-2) -> list[Any] | None:
+    """Values within the range of a variable other than its start values; None: there are none."""
+    values, (low, high) = v.starts() or [], v.bounds
     if v.access == "Boolean":
         return [not x for x in values]
     if not v.is_number or not values:
@@ -285,8 +290,7 @@ def disturb(bench: Bench, a: Instance) -> None:
         for v in tried(bench.settable("input"))
         if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
     ]
-    values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
-    if values:
+    if values := all_moved(inputs):
         attempt(a.set, values)
 
 
@@ -296,8 +300,3 @@ def attempt(call: Callable[..., Any], *arguments: Any) -> Any:
         return call(*arguments)
     except (Refused, Ended):
         return None
-
-
-def good(status: int) -> bool:
-    """Whether a status is OK or Warning."""
-    return status in (OK, WARNING)

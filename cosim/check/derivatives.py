@@ -63,7 +63,7 @@ def initial(bench: Bench) -> Found:
         return None if after is None else (before, again, after)
 
     for known in tried(knowns, MOST):
-        values = moved(known, known.starts() or ())
+        values = moved(known)
         if values is None:
             continue
 

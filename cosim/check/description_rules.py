@@ -262,16 +262,16 @@ def start(file: File) -> Found:
             count = f" for {v.size} elements" if v.size != 1 else ""
             yield v.line, f"{what}: start={one_line(v.start, 60)!r} cannot be read as {v.type}{count}"
             continue
-        if v.is_number and v.low is not None and v.high is not None and v.low > v.high:
-            yield v.line, f"{what}: min {v.low:g} is above max {v.high:g}"
+        low, high = v.bounds
+        if v.is_number and low > high:
+            yield v.line, f"{what}: min {low:g} is above max {high:g}"
         elif v.is_number:
             for value in values:
                 if not math.isfinite(value):
                     yield v.line, f"{what}: its start is {value}"
                     break
-                if (v.low is not None and value < v.low) or (v.high is not None and value > v.high):
-                    limits = f"{-math.inf if v.low is None else v.low:g} to {math.inf if v.high is None else v.high:g}"
-                    yield v.line, f"{what}: start {value:g} is outside of its range {limits}"
+                if value < low or value > high:
+                    yield v.line, f"{what}: start {value:g} is outside of its range {low:g} to {high:g}"
                     break
 
 

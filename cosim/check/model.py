@@ -13,13 +13,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
-TYPES = {
-    "2": ("Real", "Integer", "Boolean", "String", "Enumeration"),
-    "3": ("Float32", "Float64", *INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock"),
-}
+from cosim.core.description import SIZED_INTEGERS
+from cosim.fmu.calls import accessed_as
+from cosim.fmu.model_description import INTERFACES, TYPES2, TYPES3, type_attributes
+
 FLOATS = ("Real", "Float64", "Float32")
-_ACCESS = {"2": {"Enumeration": "Integer"}, "3": {"Enumeration": "Int64"}}  # types that are read and set as others
 
 DEFAULT_INITIAL = {
     "exact": {
@@ -76,7 +74,12 @@ class Var:
     @property
     def is_number(self) -> bool:
         """Whether it is a floating-point or integer variable."""
-        return self.is_float or self.access == "Integer" or self.access in INTEGERS
+        return self.is_float or self.access == "Integer" or self.access in SIZED_INTEGERS
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest value; infinite where it has no limit."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     @property
     def key(self) -> tuple[int | None, str]:
@@ -254,7 +257,7 @@ def read(root: Any) -> Model:
     version = "3" if root.get("fmiVersion", "").startswith("3") else "2"
     variables = _variables2(root) if version == "2" else _variables3(root)
     interfaces = {}
-    for kind, tag in (("cs", "CoSimulation"), ("me", "ModelExchange")):
+    for kind, tag in INTERFACES.items():
         element = root.find(tag)
         if element is not None:
             interfaces[kind] = Interface(
@@ -306,10 +309,10 @@ def default_initial(variability: str, causality: str) -> str | None:
 
 
 def _variables2(root: Any) -> list[Var]:
-    types = {t.get("name"): dict(t[0].attrib) for t in root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+    types = type_attributes(root, "2")
     found = []
     for position, element in enumerate(root.iterfind("ModelVariables/ScalarVariable"), start=1):
-        typed = next((c for c in element if c.tag in TYPES["2"]), None)
+        typed = next((c for c in element if c.tag in TYPES2), None)
         if typed is None:
             continue
         attributes = {**types.get(typed.get("declaredType"), {}), **typed.attrib}
@@ -318,15 +321,12 @@ def _variables2(root: Any) -> list[Var]:
 
 
 def _variables3(root: Any) -> list[Var]:
-    types = {t.get("name"): dict(t.attrib) for t in root.iterfind("TypeDefinitions/*")}
-    elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in TYPES["3"]]
+    types = type_attributes(root, "3")
+    elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in TYPES3]
     sizes = {e.get("valueReference"): e.get("start") for e in elements if e.get("causality") == "structuralParameter"}
     found = []
     for position, element in enumerate(elements, start=1):
-        inherited = {
-            k: v for k, v in types.get(element.get("declaredType"), {}).items() if k not in ("name", "description")
-        }
-        attributes = {**inherited, **element.attrib}
+        attributes = {**types.get(element.get("declaredType"), {}), **element.attrib}
         starts = [s.get("value", "") for s in element.iterfind("Start")]
         if starts:
             attributes["start"] = " ".join(starts)
@@ -360,7 +360,7 @@ def _variable(
         line=element.sourceline,
         reference=_whole(element.get("valueReference")),
         type=type_,
-        access=_ACCESS[version].get(type_, type_),
+        access=accessed_as(version, type_),
         causality=causality,
         variability=variability,
         initial=initial,

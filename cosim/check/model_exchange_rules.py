@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import math
 
 from cosim.check.bench import Bench, attempt, same
@@ -132,10 +131,10 @@ def counts(bench: Bench) -> Found:
                 ("GetNumberOfContinuousStates", "continuous states", m.n_states),
                 ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
             ):
-                n = c.c_size_t()
-                a.must(function, c.byref(n))
-                if n.value != expected:
-                    yield f"{function} returns {n.value}; ModelStructure lists {expected} {what}"
+                n = a.ffi.new("size_t*")
+                a.must(function, n)
+                if n[0] != expected:
+                    yield f"{function} returns {n[0]}; ModelStructure lists {expected} {what}"
         a.initialize()
         for what, vector in (
             ("event indicator", a.get_indicators()),

@@ -213,7 +213,7 @@ def steps(bench: Bench) -> Found:
 )
 def floating_point(bench: Bench) -> Found:
     before = _environment()
-    bench.fmu.dll(bench.kind)
+    bench.fmu.library(bench.kind)
     loaded = _environment()
     if loaded != before:
         yield warning(f"loading the library changes {_changed(before, loaded)}, for the whole process")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
 from typing import Any
 
 from cosim.check.bench import (
@@ -10,19 +9,19 @@ from cosim.check.bench import (
     OTHER,
     Bench,
     Values,
+    all_moved,
     attempt,
     compared,
     difference,
     differs,
     disturb,
-    good,
-    moved,
     peaks,
     same,
     tried,
 )
-from cosim.check.calls import Instance
+from cosim.check.calls import Instance, good
 from cosim.check.rules import Found, NotApplicable, check, note, warning
+from cosim.fmu.calls import name_in
 
 _SAVED2, _SAVED3 = (
     "2.1.8 Getting and Setting the Complete FMU State",
@@ -104,7 +103,7 @@ def with_values(bench: Bench) -> Found:
     inputs = [
         v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
     ]
-    values: Values = {v: m for v in tried(inputs) if (m := moved(v, v.starts() or ())) is not None}
+    values = all_moved(tried(inputs))
     if not values:
         raise NotApplicable("there are no real inputs")
 
@@ -153,14 +152,14 @@ def several_states(bench: Bench) -> Found:
         ):
             a.restore(state)
             found.append((f"{name} is restored wrongly", [expected, a.get(watched)]))
-        a.must(f"Get{a.saved}", c.byref(early))  # into the old one
+        a.must("GetFMUState", early)  # into the old one
         a.restore(early)
         found.append(("a state saved into an existing one is restored wrongly", [at_late, a.get(watched)]))
-        a.must(f"Free{a.saved}", c.byref(early))
-        if early.value is not None:
-            found.append(f"Free{a.saved} does not set the pointer to NULL")
+        a.must("FreeFMUState", early)
+        if early[0]:
+            found.append(f"{name_in(a.version, 'FreeFMUState')} does not set the pointer to NULL")
             a._saved.remove(early)
-        a.call(f"Free{a.saved}", c.byref(c.c_void_p()))  # NULL is ignored
+        a.call("FreeFMUState", a.ffi.new("void**"))  # NULL is ignored
         return found
 
     for entry in bench.alone(work):
@@ -220,8 +219,7 @@ def damaged(bench: Bench) -> Found:
         a.initialize()
         data = a.serialize(a.save())
         for what, wrong in (("cut in half", data[: len(data) // 2]), ("empty", b"")):
-            state = c.c_void_p()
-            name = ("DeSerialize" if a.version == "2" else "Deserialize") + a.saved
-            if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
-                yield f"{name} accepts a state that is {what}"
+            name, state = "DeserializeFMUState", a.ffi.new("void**")
+            if len(wrong) < len(data) and good(a.call(name, wrong, len(wrong), state)):
+                yield f"{name_in(a.version, name)} accepts a state that is {what}"
                 return

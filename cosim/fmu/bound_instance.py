@@ -170,7 +170,7 @@ class BoundInstance(FmuInstance):
         pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
         references = ffi.new("VR[]", list(how.arrays))
         self._keep += [data, references]
-        function = f"{direction}{self._functions.get(how.fmi_type, how.fmi_type)}"
+        function = f"{direction}{fmi.accessed_as(self.fmu.major, how.fmi_type)}"
         arguments = (references, len(how.arrays), pointer, *((total,) if v3 else ()))
         bare, fail = self._function(function), self._fail
         call = partial(bare, self._instance, *arguments)

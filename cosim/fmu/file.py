@@ -204,8 +204,7 @@ class FmuFile:
     @property
     def binary(self) -> str:
         """Path of this platform's library inside the archive."""
-        folder, suffix = fmi.platform_folder(self.major)
-        return f"binaries/{folder}/{self.description.identifier}{suffix}"
+        return fmi.library_path(self.major, self.description.identifier)
 
     def files(self, below: str = "") -> dict[str, bytes]:
         """Its files by path; those in the folder `below` (`"sources/"`) by their path in that.

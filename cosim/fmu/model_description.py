@@ -34,8 +34,8 @@ LONGEST_SOURCE = 4096  # characters that say where a value comes from
 OCTETS = "application/octet-stream"  # mimeType of a Binary that has none
 LARGEST_BINARY = 2**30  # bytes that maxSize may say
 
-_TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
-_TYPES3 = {
+TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
+TYPES3 = {
     "Float64": "real",
     "Float32": "real",
     "Boolean": "boolean",
@@ -91,6 +91,15 @@ def read(
         why = f" ({type(error).__name__}: {one_line(str(error))})"
     line = "" if reader.at is None else f", line {reader.at.sourceline}"
     raise FmuError(f"{where}: invalid modelDescription.xml{line}{why}")
+
+
+def type_attributes(root: Any, version: str) -> dict[str | None, dict[str, str]]:
+    """What variables of a defined type have from it, by its name."""
+    if version == "2":
+        return {t.get("name"): dict(t[0].attrib) for t in root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+    own = ("name", "description")
+    types = root.iterfind("TypeDefinitions/*")
+    return {t.get("name"): {k: v for k, v in t.attrib.items() if k not in own} for t in types}
 
 
 def _integer(element: Any, attribute: str, what: str, low: int = 0, high: int = 2**63 - 1) -> int:
@@ -330,24 +339,23 @@ class _Reader:
 
 class _Fmi2(_Reader):
     def read_variables(self) -> None:
-        types = {t.get("name"): t[0] for t in self.root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+        types = type_attributes(self.root, "2")
         self.derivative_of: dict[str, int] = {}
         scalars = self.each(self.root.iterfind("ModelVariables/ScalarVariable"))
         for position, element in enumerate(scalars, start=1):
             name = _name(element, f"variable number {position}")
             self.take(name)
             self.check_count(1, f"with variable '{one_line(name, 80)}'")
-            typed = next((c for c in element if c.tag in _TYPES2), None)
+            typed = next((c for c in element if c.tag in TYPES2), None)
             if typed is None:
-                others = [c.tag for c in element if c.tag in _TYPES3]
+                others = [c.tag for c in element if c.tag in TYPES3]
                 raise _Unreadable(
                     f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file declares FMI 2.0"
                     if others
-                    else f"variable '{name}' has no type; it needs one of {', '.join(_TYPES2)}"
+                    else f"variable '{name}' has no type; it needs one of {', '.join(TYPES2)}"
                 )
-            declared = types.get(typed.get("declaredType"))
-            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
-            variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self)
+            attributes = {**types.get(typed.get("declaredType"), {}), **typed.attrib}
+            variable = _variable(element, (typed.tag, TYPES2[typed.tag]), attributes, self)
             self.variables[variable.name] = variable
             self.by_key[position] = [variable]
             if typed.get("derivative"):
@@ -375,7 +383,7 @@ class _Fmi2(_Reader):
 
 class _Fmi3(_Reader):
     def read_variables(self) -> None:
-        types = {t.get("name"): t for t in self.root.iterfind("TypeDefinitions/*")}
+        types = type_attributes(self.root, "3")
         elements = [e for e in self.root.iterfind("ModelVariables/*") if isinstance(e.tag, str)]
         sizes = {
             e.get("valueReference"): e.get("start")
@@ -386,18 +394,14 @@ class _Fmi3(_Reader):
         self.declared: dict[int, str] = {}  # names by reference
         for position, element in enumerate(self.each(elements), start=1):
             name = _name(element, f"variable number {position}")
-            if element.tag not in _TYPES3:
+            if element.tag not in TYPES3:
                 kind = (
                     f"{element.tag}, a type of FMI 2.0; this file declares FMI 3.0"
-                    if element.tag in _TYPES2
+                    if element.tag in TYPES2
                     else element.tag
                 )
-                raise _Unreadable(f"variable '{name}' is {kind}; the types are {', '.join(_TYPES3)}")
-            declared = types.get(element.get("declaredType"))
-            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
-            inherited.pop("name", None)
-            inherited.pop("description", None)
-            attributes = {**inherited, **element.attrib}
+                raise _Unreadable(f"variable '{name}' is {kind}; the types are {', '.join(TYPES3)}")
+            attributes: dict[str, Any] = {**types.get(element.get("declaredType"), {}), **element.attrib}
             shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
             starts = [s.get("value", "") for s in element.iterfind("Start")]
             if starts:
@@ -409,7 +413,7 @@ class _Fmi3(_Reader):
             self.check_count(math.prod(shape), what)
             if shape and len(name) * math.prod(shape) > self.limits.xml_bytes:
                 raise _Unreadable(f"the names of {math.prod(shape)} elements of {_short(name)} are too long")
-            typed = element.tag, _TYPES3[element.tag]
+            typed = element.tag, TYPES3[element.tag]
             variable = _variable(element, typed, attributes, self, bool(shape))
             reference, expanded = variable.reference, _expand(variable, shape)
             if reference in self.by_key:

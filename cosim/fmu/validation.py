@@ -23,6 +23,7 @@ from lxml import etree
 from build_fmus.base import safe_files
 from build_fmus.base.checks import one_line
 from cosim.core.description import Description, Variable
+from cosim.fmu.calls import accessed_as
 from cosim.fmu.model_description import nominal_size
 from cosim.fmu.xml import schema as xml_schema
 
@@ -35,7 +36,6 @@ _HERE = Path(__file__).parent
 _QUIRKS = _HERE / "quirks.toml"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _CONTINUOUS = ("Real", "Float32", "Float64")
-_BASE = {"Enumeration": "Integer"}  # FMI 2.0: types that are set and read by the functions of another one
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
         for text in _of_variable(element, variables, known, major):
             yield Finding(line, f"{what}: {text}")
         if major == "2" and first.causality in ("input", "parameter"):
-            place = (_BASE.get(first.fmi_type) or first.fmi_type, first.reference)
+            place = accessed_as(major, first.fmi_type), first.reference
             if place in settable:
                 other = one_line(settable[place], 80)
                 yield Finding(
