@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 
 from cosim.check.apart import run_apart
 from cosim.check.calls import Ended, Fmu, Instance, Refused, bits
-from cosim.check.model import Interface, Model, Var
-from cosim.check.rules import Finding, NotApplicable, warning
+from cosim.check.model import Model, Var
+from cosim.check.rules import Finding, require, warning
+from cosim.fmu.interface import Interface
 
 STEPS = 10  # communication steps of a run
 MOST_READ = 400  # variables that are compared after each
@@ -65,7 +66,7 @@ class Bench:
     def instance(self, **options: Any) -> Instance:
         """An instance in this process: of some FMUs the only one (`alone`)."""
         self._made += 1
-        self.require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
+        require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
         return self.fmu.instance(self.kind, **options)
 
     def alone(self, work: Callable[..., T], *arguments: Any, **options: Any) -> T:
@@ -80,17 +81,12 @@ class Bench:
 
         if not self.interface.once:
             return with_instance()
-        self.require(self._made == 0, "it can be instantiated only once per process")
+        require(self._made == 0, "it can be instantiated only once per process")
         return run_apart(with_instance, self.model.variables)
-
-    def require(self, capability: bool, reason: str) -> None:
-        """Raise NotApplicable without a capability."""
-        if not capability:
-            raise NotApplicable(reason)
 
     def several(self) -> None:
         """Raise NotApplicable where there may be one instance at a time only."""
-        self.require(not self.interface.once, "it can be instantiated only once per process")
+        require(not self.interface.once, "it can be instantiated only once per process")
 
     def watched(self) -> list[Var]:
         """Variables whose values make up the result of a run: outputs first."""
@@ -136,8 +132,7 @@ class Bench:
     def repeatable(self) -> list[Values]:
         """A run that a second one repeats. Raises NotApplicable."""
         first = self.fresh()
-        if difference(first, self.fresh()):
-            raise NotApplicable("identical runs already differ (see runs.repeat)")
+        require(not difference(first, self.fresh()), "identical runs already differ (see runs.repeat)")
         return first
 
     @cached_property

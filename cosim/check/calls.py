@@ -1,4 +1,4 @@
-"""An FMU as the checks call it: any function with any arguments, rightly or wrongly, in the process of the check.
+"""An FMU as the checks call it: any function of `cosim.fmu.calls`, rightly or wrongly, in the process of the check.
 
 `Fmu` is a loaded library, `Instance` an instance of it. `call` returns whatever status comes back; the other methods do
 what an importer does and raise `Refused` where the FMU does not. What is being called is written into memory that
@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import cosim.fmu.calls as fmi
-from cosim.check.model import Interface, Model, Var
+from cosim.check.model import Model, Var
 from cosim.check.rules import NotApplicable
 from cosim.core.errors import STATUS_NAMES
 from cosim.core.memory import physical_memory
-from cosim.fmu.model_description import INTERFACES, NAMES
+from cosim.fmu.interface import INTERFACES, NAMES, Interface
 
 MOST_LOGGED = 200  # messages of an instance that are kept
 LONGEST = 300  # characters of a message that are shown

@@ -6,14 +6,13 @@ import math
 import pickle
 import re
 from collections.abc import Generator, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from build_fmus.base.checks import one_line
-from cosim.check.model import DEFAULT_INITIAL, Model, Var, clock_seconds, default_initial
-from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
+from cosim.check.model import DEFAULT_INITIAL, Model, Var, clock_seconds, default_initial, number
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, require, warning
 from cosim.fmu import validation
 from cosim.fmu.archive import Archive
 
@@ -43,10 +42,8 @@ class File:
 def schema(file: File) -> Found:
     from copy import deepcopy
 
-    found = list(validation._schema(deepcopy(file.root), file.model.version))
-    known = list(validation.quirks())
-    for f in found:
-        reason = next((q.reason for q in known if q.fits(file.model.tool, f.text)), "")
+    for f in validation._schema(deepcopy(file.root), file.model.version):
+        reason = validation.harmless(file.model.tool, f.text)
         yield warning(f"{f.text} (known quirk of this tool: {reason})", f.line) if reason else (f.line, f.text)
 
 
@@ -324,13 +321,13 @@ def units(file: File) -> Found:
     defined = yield from _defined(file, "unit", "UnitDefinitions/Unit")
     for name, unit in defined.items():
         base = unit.find("BaseUnit")
-        if base is not None and _zero(base.get("factor", "1")):
+        if base is not None and number(base.get("factor")) == 0:
             yield unit.sourceline, f"unit {name!r}: its factor is 0, so it cannot be converted"
         displays = [d.get("name") for d in unit.iterfind("DisplayUnit")]
         if len(displays) != len(set(displays)):
             yield unit.sourceline, f"unit {name!r} has two display units of the same name"
         for display in unit.iterfind("DisplayUnit"):
-            if _zero(display.get("factor", "1")):
+            if number(display.get("factor")) == 0:
                 yield (
                     display.sourceline,
                     f"display unit {display.get('name')!r}: its factor is 0, so it cannot be converted",
@@ -349,13 +346,6 @@ def units(file: File) -> Found:
         ):
             text = f"variable {v.name!r}: unit {v.unit!r} has no display unit {one_line(shown, 60)!r}"
             yield (v.line, text) if file.model.version == "3" else warning(text, v.line)
-
-
-def _zero(text: str) -> bool:
-    try:
-        return float(text) == 0
-    except ValueError:
-        return False  # the schema says so
 
 
 @file_check(
@@ -390,8 +380,7 @@ def experiment(file: File) -> Found:
 )
 def clocks(file: File) -> Found:
     m = file.model
-    if not m.clocks:
-        raise NotApplicable("there are no clocks")
+    require(m.clocks, "there are no clocks")
     references = {v.reference for v in m.variables if v.type == "Clock"}
     for v in m.variables:
         if v.type == "Clock":
@@ -413,10 +402,9 @@ def _of_clock(v: Var) -> Iterator[str]:
         yield "is constant and has no interval"
     if interval is not None and interval <= 0:
         yield f"has the interval {interval:g} s"
-    written = v.says.get("intervalDecimal")
-    with suppress(ValueError):
-        if interval and written is not None and abs(float(written) - interval) > 1e-5 * interval:
-            yield f"has the interval {float(written):g} s, and as a fraction {interval:g} s"
+    written = number(v.says.get("intervalDecimal"))
+    if interval and written is not None and abs(written - interval) > 1e-5 * interval:
+        yield f"has the interval {written:g} s, and as a fraction {interval:g} s"
     if (
         kind == "constant"
         and v.says.get("supportsFraction") in ("true", "1")

@@ -30,8 +30,8 @@ from cosim.core.memory import physical_memory
 from cosim.fmu.archive import Archive
 from cosim.fmu.calls import library_path
 from cosim.fmu.find import find
+from cosim.fmu.interface import NAMES
 from cosim.fmu.limits import Limits
-from cosim.fmu.model_description import NAMES
 from cosim.fmu.xml import tree
 
 __all__ = [

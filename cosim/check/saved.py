@@ -17,10 +17,11 @@ from cosim.check.bench import (
     disturb,
     peaks,
     same,
+    shown,
     tried,
 )
 from cosim.check.calls import Instance, good
-from cosim.check.rules import Found, NotApplicable, check, note, warning
+from cosim.check.rules import Found, check, note, require, warning
 from cosim.fmu.calls import name_in
 
 _SAVED2, _SAVED3 = (
@@ -31,8 +32,9 @@ _SAVED2, _SAVED3 = (
 
 def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
     i = bench.interface
-    bench.require(
-        i.serializes if serialized else i.saves, f"it does not support {'serialized' if serialized else 'saved'} states"
+    require(
+        i.saves and (i.serializes or not serialized),
+        f"it does not support {'serialized' if serialized else 'saved'} states",
     )
     return bench.repeatable()
 
@@ -64,8 +66,7 @@ def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Val
 )
 def replay(bench: Bench) -> Found:
     straight_on = _saving(bench)[3:8]
-    if not straight_on:
-        raise NotApplicable("it asks to end the simulation after a few steps")
+    require(straight_on, "it asks to end the simulation after a few steps")
 
     def work(a: Instance) -> list[list[Values]]:
         state, known = _run_to_save(bench, a)
@@ -104,14 +105,12 @@ def with_values(bench: Bench) -> Found:
         v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
     ]
     values = all_moved(tried(inputs))
-    if not values:
-        raise NotApplicable("there are no real inputs")
+    require(values, "there are no real inputs")
 
     def work(a: Instance) -> tuple[Values, Values]:
         before = a.initialize().get(list(values))
         state = a.save()
-        if attempt(a.set, values) is None:
-            raise NotApplicable("it does not take other values")
+        require(attempt(a.set, values), "it does not take other values")
         a.restore(state)
         return before, a.get(list(values))
 
@@ -119,15 +118,10 @@ def with_values(bench: Bench) -> Found:
     for v, got in after.items():
         if not all(same(x, y) for x, y in zip(got, before[v], strict=True)):
             yield (
-                f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)}"
+                f"input {v.name!r} was {shown(before[v][0])} when the state was saved, and is {shown(got[0])}"
                 " after it was restored"
             )
             return
-
-
-def shown_value(values: list[Any]) -> str:
-    """The first of several values as text with nine digits."""
-    return f"{values[0]:.9g}"
 
 
 @check(
@@ -214,7 +208,7 @@ def serialized(bench: Bench) -> Found:
     worst="warning",
 )
 def damaged(bench: Bench) -> Found:
-    bench.require(bench.interface.serializes, "it does not support serialized states")
+    require(bench.interface.saves and bench.interface.serializes, "it does not support serialized states")
     with bench.instance() as a:
         a.initialize()
         data = a.serialize(a.save())

@@ -8,7 +8,7 @@ from typing import Any
 from cosim.check.bench import Bench, Values, all_moved, attempt, compared, difference, moved, same, shown, tried
 from cosim.check.calls import Ended, Instance, Refused, good
 from cosim.check.model import Var
-from cosim.check.rules import Found, NotApplicable, check, names, warning
+from cosim.check.rules import Found, check, names, require, warning
 
 _VALUES2 = "2.1.7 Getting and Setting Variable Values"
 _VALUES3 = "2.2.6.2 Getting and Setting Variable Values"
@@ -70,8 +70,7 @@ def set_and_read(bench: Bench) -> Found:
     inputs = tried(bench.settable("input"), 60)
     floats = [v for v in bench.settable("parameter") if v.is_float]
     before = all_moved([*tried(floats, 40), *inputs], 1e-3)
-    if not before:
-        raise NotApplicable("there is nothing to set")
+    require(before, "there is nothing to set")
 
     def lost(values: Values, *, running: bool = False, set_after_setup: bool = False) -> dict[Var, str] | None:
         """What is not kept, in words; None: the FMU does not take these values."""
@@ -122,8 +121,7 @@ def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
 )
 def set_discrete(bench: Bench) -> Found:
     candidates = [v for v in bench.settable("input", "parameter") if not v.is_float]
-    if not candidates:
-        raise NotApplicable("there are no integers or Booleans to set")
+    require(candidates, "there are no integers or Booleans to set")
 
     def read(a: Instance, v: Var, value: list[Any]) -> list[Any] | None:
         return a.get([v])[v] if attempt(a.enter_initialization, {v: value}) is not None else None
@@ -171,8 +169,7 @@ def reset(bench: Bench) -> Found:
 def effect(bench: Bench) -> Found:
     base = bench.repeatable()
     parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
-    if not parameters:
-        raise NotApplicable("there are no parameters to set")
+    require(parameters, "there are no parameters to set")
 
     def after_reset(a: Instance, values: Values) -> list[Values] | None:
         attempt(lambda: bench.run(a.initialize()))
@@ -282,8 +279,7 @@ def unknown(bench: Bench) -> Found:
 def extreme(bench: Bench) -> Found:
     inputs = [v for v in bench.settable("input") if v.is_float]
     parameters = [v for v in bench.settable("parameter") if v.is_float]
-    if not inputs and not parameters:
-        raise NotApplicable("there are no real inputs or parameters")
+    require(inputs or parameters, "there are no real inputs or parameters")
     tries: list[tuple[list[Var], float]] = [(inputs, x) for x in (math.nan, math.inf, -1e300)]
     tries += [(tried(parameters, 2), x) for x in (math.nan, math.inf)]
 

@@ -23,6 +23,7 @@ from cosim.core.errors import (
     WiringError,
 )
 from cosim.fmu.clocked_steps import ClockedSteps, refusal
+from cosim.fmu.driver import Driver
 from cosim.fmu.environment import what_changed
 from cosim.fmu.event_steps import EventSteps
 from cosim.fmu.exact_values import ExactCall
@@ -95,7 +96,7 @@ class FmuInstance:
         )
 
     @property
-    def _driver(self) -> Integration | ClockedSteps | EventSteps | IntermediateUpdates | None:
+    def _driver(self) -> Driver | None:
         """What steps it instead of itself, in this process: its integrator, or what divides steps or sets inputs."""
         own = self.integration if self.integration is not None and self.integration.here else None
         return own or self.clocked or self._event_steps or self._intermediate

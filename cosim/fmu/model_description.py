@@ -13,21 +13,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from build_fmus.base.checks import one_line
 from build_fmus.base.units import BASE_UNITS, DisplayUnit, Unit
 from cosim.core.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
 from cosim.core.errors import FmuError, TimeError
 from cosim.core.time import rational
+from cosim.fmu.interface import INTERFACES, NAMES, Interface
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 
 TOOL = (  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
     "suspension-fmus"
 )
-INTERFACES = {"cs": "CoSimulation", "me": "ModelExchange"}
-NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
@@ -133,6 +132,8 @@ def _short(text: str) -> str:
 class _Reader:
     """What FMI 2.0 and 3.0 have in common."""
 
+    version: ClassVar[str]
+
     def __init__(self, root: Any, limits: Limits):
         self.root = root
         self.limits = limits
@@ -154,14 +155,15 @@ class _Reader:
             self.units[unit.get("name")] = _unit(unit)
             self.displays |= {(unit.get("name"), d.get("name")): _display(d) for d in unit.iterfind("DisplayUnit")}
         clocked = root.find("ModelVariables/Clock") is not None  # by `event_mode.py`, without intermediate update
-        self.updates = _flag(simulation, "providesIntermediateUpdate") and not clocked
+        exchanged = simulation.tag == INTERFACES["me"]
+        offered = Interface.of("me" if exchanged else "cs", simulation)
+        self.updates = offered.can("providesIntermediateUpdate") and not clocked
         self.read_variables()
         own = self.annotation()
         if own is not None:
             self.annotate(own)
         structure = root.find("ModelStructure")
         self.at = simulation
-        exchanged = simulation.tag == INTERFACES["me"]
         result = Description(
             name=root.get("modelName", ""),
             variables=self.variables,
@@ -170,22 +172,19 @@ class _Reader:
             identifier=_identifier(simulation),
             text=root.get("description", ""),
             tool=root.get("generationTool", ""),
-            can_save=_flag(simulation, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
-            can_serialize=_flag(simulation, "canSerializeFMUstate", "canSerializeFMUState"),
-            only_once=_flag(simulation, "canBeInstantiatedOnlyOncePerProcess"),
-            variable_step=exchanged or _flag(simulation, "canHandleVariableCommunicationStepSize"),
-            directional_derivatives=_flag(
-                simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
-            ),
+            can_save=offered.saves,
+            can_serialize=offered.serializes,
+            only_once=offered.once,
+            variable_step=exchanged or offered.variable_step,
+            directional_derivatives=offered.directional,
             model_exchange=root.find("ModelExchange") is not None,
             co_simulation=root.find("CoSimulation") is not None,
-            interface="me" if exchanged else "cs",
-            completed_steps=exchanged and self.completed_steps(simulation),
-            needs_tool=_flag(simulation, "needsExecutionTool"),
+            interface=offered.kind,
+            completed_steps=exchanged and offered.wants_completed_steps(self.version),
+            needs_tool=offered.needs_tool,
             aliases=self.aliases,
-            event_mode=_flag(simulation, "hasEventMode"),
-            early_return=_flag(simulation, "mightReturnEarlyFromDoStep")
-            or _flag(simulation, "canReturnEarlyAfterIntermediateUpdate"),
+            event_mode=offered.can("hasEventMode"),
+            early_return=offered.can("mightReturnEarlyFromDoStep", "canReturnEarlyAfterIntermediateUpdate"),
             clocks=self.clocks,
         )
         with suppress(TimeError):  # a hint, of which the schema has said what is wrong
@@ -330,16 +329,15 @@ class _Reader:
     def read_structure(self, structure: Any, result: Description) -> None:
         raise NotImplementedError
 
-    def completed_steps(self, simulation: Any) -> bool:
-        raise NotImplementedError
-
     def annotation(self) -> Any:
         raise NotImplementedError
 
 
 class _Fmi2(_Reader):
+    version = "2"
+
     def read_variables(self) -> None:
-        types = type_attributes(self.root, "2")
+        types = type_attributes(self.root, self.version)
         self.derivative_of: dict[str, int] = {}
         scalars = self.each(self.root.iterfind("ModelVariables/ScalarVariable"))
         for position, element in enumerate(scalars, start=1):
@@ -374,16 +372,15 @@ class _Fmi2(_Reader):
             self.root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", 0, self.limits.variables
         )
 
-    def completed_steps(self, simulation: Any) -> bool:
-        return not _flag(simulation, "completedIntegratorStepNotNeeded")
-
     def annotation(self) -> Any:
         return self.root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Component")
 
 
 class _Fmi3(_Reader):
+    version = "3"
+
     def read_variables(self) -> None:
-        types = type_attributes(self.root, "3")
+        types = type_attributes(self.root, self.version)
         elements = [e for e in self.root.iterfind("ModelVariables/*") if isinstance(e.tag, str)]
         sizes = {
             e.get("valueReference"): e.get("start")
@@ -464,9 +461,6 @@ class _Fmi3(_Reader):
 
         if result.event_indicators > self.limits.variables:
             raise _Unreadable(f"ModelStructure has {result.event_indicators} event indicators, more than variables")
-
-    def completed_steps(self, simulation: Any) -> bool:
-        return _flag(simulation, "needsCompletedIntegratorStep")
 
     def annotation(self) -> Any:
         return self.root.find(f"Annotations/Annotation[@type='{TOOL}']/Component")

@@ -94,6 +94,11 @@ def quirks() -> tuple[Quirk, ...]:
     return tuple(Quirk(**entry) for entry in tomllib.loads(_QUIRKS.read_text(encoding="utf-8"))["quirk"])
 
 
+def harmless(tool: str, finding: str) -> str:
+    """Why a finding about an FMU of a tool does no harm, if it is a known quirk; empty otherwise."""
+    return next((q.reason for q in quirks() if q.fits(tool, finding)), "")
+
+
 @cache
 def _wildcard(pattern: str) -> re.Pattern[str]:
     text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
@@ -136,7 +141,7 @@ def judge(root: Any, about: Description) -> Verdict:
     ordered = sorted(found, key=lambda f: f.line)
     sorted_out: tuple[list[Finding], list[Finding]] = [], []
     for finding in ordered:
-        reason = next((q.reason for q in quirks() if q.fits(about.tool, finding.text)), "")
+        reason = harmless(about.tool, finding.text)
         sorted_out[bool(reason)].append(Finding(finding.line, finding.text, reason))
     plain, known = sorted_out
     return Verdict(tuple(plain[:MOST]), tuple(known[:MOST]), max(0, len(plain) - MOST), max(0, len(known) - MOST))
