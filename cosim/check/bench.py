@@ -10,9 +10,8 @@ from typing import Any, TypeVar
 
 from cosim.check.apart import run_apart
 from cosim.check.calls import Ended, Fmu, Instance, Refused, bits
-from cosim.check.model import Model, Var
+from cosim.check.model import Var
 from cosim.check.rules import Finding, require, warning
-from cosim.fmu.interface import Interface
 
 STEPS = 10  # communication steps of a run
 MOST_READ = 400  # variables that are compared after each
@@ -28,27 +27,19 @@ T = TypeVar("T")
 
 @dataclass
 class Bench:
-    """An FMU with one of its interfaces, and what has been measured of it."""
+    """An FMU with one of its interfaces, and what has been measured of it.
+
+    `model` is its modelDescription.xml, `version` "2" or "3", `interface` the one that is checked.
+    """
 
     fmu: Fmu
     kind: str
     measures: dict[str, str] = field(default_factory=dict)
     _made: int = 0
 
-    @property
-    def model(self) -> Model:
-        """Content of the FMU's modelDescription.xml."""
-        return self.fmu.model
-
-    @property
-    def version(self) -> str:
-        """Major FMI version, "2" or "3"."""
-        return self.fmu.version
-
-    @property
-    def interface(self) -> Interface:
-        """The interface that is checked: Co-Simulation or Model Exchange."""
-        return self.fmu.model.interfaces[self.kind]
+    def __post_init__(self) -> None:
+        self.model, self.version = self.fmu.model, self.fmu.version
+        self.interface = self.model.interfaces[self.kind]
 
     @property
     def step(self) -> float:

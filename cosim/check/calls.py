@@ -183,10 +183,10 @@ class Instance:
         return status
 
     def flags(self, n: int) -> tuple[Any, list[Any]]:
-        """Room for Booleans that the FMU returns, and where each is: bytes, for it may write more than 0 and 1."""
+        """A buffer for Booleans that the FMU returns, and where each of them is."""
         kind = self.fmu.types["Boolean"]
-        room = self.ffi.new("int[]" if kind == "int" else "uint8_t[]", n)
-        return room, [self.ffi.cast(f"{kind}*", room + i) for i in range(n)]
+        values = self.buffer(kind, n)
+        return values, [self.ffi.cast(f"{kind}*", values + i) for i in range(n)]
 
     def must(self, function: str, *arguments: Any) -> None:
         """Call that has to succeed. Raises Refused."""
@@ -342,15 +342,18 @@ class Instance:
         """Value references, of which an invalid one passes as C would convert it."""
         return [(v.reference or 0) & 0xFFFFFFFF for v in variables]
 
-    def room(self, c_type: str, n: int) -> Any:
-        """A C array for `n` values, and for some more: an FMU that writes too many shall not end the check."""
-        return self.ffi.new(f"{c_type}[]", n + SPARE)
+    def buffer(self, c_type: str, n: int) -> Any:
+        """A C array for `n` values, and for some more: an FMU that writes too many does not end the check.
+
+        Booleans of FMI 3.0 are bytes in it, since an FMU may write others than 0 and 1.
+        """
+        return self.ffi.new("uint8_t[]" if c_type == "bool" else f"{c_type}[]", n + SPARE)
 
     def get_raw(self, access: str, variables: Sequence[Var]) -> tuple[int, Any]:
         """Status, and a C array of the values of variables of one type."""
         n = sum(v.size for v in variables)
         kind = self.fmu.types[access]
-        buffer = self.room("uint8_t" if kind == "bool" else kind, n)
+        buffer = self.buffer(kind, n)
         pointer = self.ffi.cast(f"{kind}*", buffer)
         return self.transfer(f"Get{access}", self.references(variables), len(variables), pointer, n), buffer
 
@@ -470,7 +473,7 @@ class Instance:
         if self.interface.wants_completed_steps(self.version):
             flags, pointers = self.flags(2)
             self.must("CompletedIntegratorStep", True, *pointers)
-            enter, ends = flags
+            enter, ends = flags[0:2]
         if ends:
             raise Ended
         if crossed or enter or self.time >= self.next_event:
@@ -516,7 +519,7 @@ class Instance:
     def _vector(self, function: str, n: int) -> list[float]:
         if n == 0:
             return []  # nothing to ask for
-        data = self.room("double", n)
+        data = self.buffer("double", n)
         self.must(function, data, n)
         return list(data)[:n]
 
@@ -548,7 +551,7 @@ class Instance:
     ) -> list[float]:
         """Product of the Jacobian with a seed of the knowns; `adjoint`: of its transpose with one of the unknowns."""
         n = sum(v.size for v in (knowns if adjoint else unknowns))
-        result = self.room("double", n)
+        result = self.buffer("double", n)
         lists = (self.references(unknowns), len(unknowns), self.references(knowns), len(knowns))
         seed = list(seed)
         tail = (seed, result) if self.version == "2" else (seed, len(seed), result, n)

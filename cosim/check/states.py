@@ -174,7 +174,7 @@ def _vector(name: str) -> Call:
         n = bench.model.n_indicators if name == "GetEventIndicators" else bench.model.n_states
         if n == 0:
             return 0
-        return a.call(name, a.room("double", n), n)
+        return a.call(name, a.buffer("double", n), n)
 
     return call
 
@@ -184,7 +184,7 @@ def _time(bench: Bench, a: Instance) -> int:  # noqa: ARG001
 
 
 def _completed(bench: Bench, a: Instance) -> int:  # noqa: ARG001
-    _room, flags = a.flags(2)
+    _values, flags = a.flags(2)
     return a.call("CompletedIntegratorStep", True, *flags)
 
 
@@ -387,11 +387,11 @@ def null_arguments(bench: Bench) -> Found:
     floats = "Real" if bench.version == "2" else "Float64"
     with bench.instance() as a:
         put_into(a, "step mode" if bench.kind == "cs" else "continuous-time mode")
-        room = a.room("double", 1)
+        values = a.buffer("double", 1)
         reference = a.references([v for v in bench.watched() if v.access == floats][:1]) or [0]
         a.transfer(f"Get{floats}", reference, 1, None, 1)
-        a.transfer(f"Get{floats}", None, 1, room, 1)
-        a.transfer(f"Set{floats}", None, 1, room, 1)
+        a.transfer(f"Get{floats}", None, 1, values, 1)
+        a.transfer(f"Set{floats}", None, 1, values, 1)
         nonsense = a.ffi.new("char[]", b"no category, %s %n")
         a.call("SetDebugLogging", True, 1, [nonsense])
     yield from ()

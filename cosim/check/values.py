@@ -249,7 +249,7 @@ def unknown(bench: Bench) -> Found:
     nobodys = next(r for r in range(2**20, 2**32) if all(r not in u for u in used.values()))
 
     def takes(a: Instance, reference: int, function: str) -> bool:
-        return good(a.initialize().transfer(function, [reference], 1, a.room("double", 1), 1))
+        return good(a.initialize().transfer(function, [reference], 1, a.buffer("double", 1), 1))
 
     taken = [
         f"{function} of value reference {reference}"
