@@ -58,7 +58,7 @@ class Bench:
         """An instance in this process: of some FMUs the only one (`alone`)."""
         self._made += 1
         require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
-        return self.fmu.instance(self.kind, **options)
+        return Instance(self.fmu, self.kind, **options)
 
     def alone(self, work: Callable[..., T], *arguments: Any, **options: Any) -> T:
         """Call `work` with an instance of its own, then `arguments`, and return its result.
@@ -84,6 +84,11 @@ class Bench:
         order = {"output": 0, "local": 1, "calculatedParameter": 2}
         found = [v for v in self.fmu.readable(self.model.variables) if v.causality in order]
         return sorted(found, key=lambda v: (order[v.causality], v.position))[:MOST_READ]
+
+    def continuous(self) -> set[Var]:
+        """Continuous variables that can be read."""
+        readable = self.fmu.readable(self.model.variables)
+        return {v for v in readable if v.is_float and v.variability == "continuous"}
 
     def settable(self, *causalities: str) -> list[Var]:
         """Numbers and Booleans among inputs or parameters that can be set at will."""

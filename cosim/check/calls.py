@@ -79,10 +79,6 @@ class Fmu:
             self._loaded[path] = self.ffi.dlopen(str(path))
         return self._loaded[path]
 
-    def instance(self, kind: str, **options: Any) -> Instance:
-        """A new instance of an interface; `options` are those of `Instance`."""
-        return Instance(self, kind, **options)
-
     def groups(self, variables: Iterable[Var]) -> dict[str, list[Var]]:
         """Variables by the functions that access them."""
         found: dict[str, list[Var]] = {}
@@ -217,13 +213,6 @@ class Instance:
         given = 0.0 < tolerance < math.inf
         return (given, tolerance if given else 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
 
-    def settable_when_instantiated(self, v: Var) -> bool:
-        """Whether a variable may be set before initialization mode.
-
-        FMI 2.0 (2.1.6) allows it only with `initial` exact or approx, and inputs have no `initial`.
-        """
-        return self.version == "3" or v.causality != "input"
-
     def enter_initialization(
         self,
         values: Mapping[Var, Sequence[Any]] | None = None,
@@ -235,7 +224,8 @@ class Instance:
 
         FMI 2.0: `set_after_setup` are parameters that are set after fmi2SetupExperiment.
         """
-        early = {v: x for v, x in (values or {}).items() if self.settable_when_instantiated(v)}
+        # FMI 2.0 (2.1.6) allows it before only with `initial` exact or approx, and inputs have no `initial`.
+        early = {v: x for v, x in (values or {}).items() if self.version == "3" or v.causality != "input"}
         late = {v: x for v, x in (values or {}).items() if v not in early}
         self.time = self.model.start_time
         if set_after_setup:

@@ -37,12 +37,8 @@ def _flat(values: Values) -> Vector:
 )
 def initial(bench: Bench) -> Found:
     m = bench.model
-    listed = [
-        (u, m.by_key[u.key])
-        for u in m.structure
-        if u.group == "InitialUnknown" and u.depends is not None and u.key in m.by_key
-    ]
-    of = {v: u for u, v in listed if v in set(bench.fmu.readable(m.variables)) and v.is_number}
+    numbers = {v for v in bench.fmu.readable(m.variables) if v.is_number}
+    of = {v: u for u, v in m.unknowns("InitialUnknown") if u.depends is not None and v in numbers}
     knowns = [v for v in bench.settable("input", "parameter") if v.is_float]
     knowns += [
         v
@@ -158,18 +154,10 @@ def _function(
 
 def _unknowns(bench: Bench) -> dict[Var, Unknown]:
     """Continuous outputs and derivatives."""
-    m = bench.model
-    readable = set(bench.fmu.readable(m.variables))
+    continuous = bench.continuous()
     found: dict[Var, Unknown] = {}
-    for u in m.structure:
-        v = m.by_key.get(u.key)  # type: ignore[arg-type]
-        if (
-            u.group in ("Output", "Derivative")
-            and v is not None
-            and v in readable
-            and v.is_float
-            and v.variability == "continuous"
-        ):
+    for u, v in bench.model.unknowns("Output", "Derivative"):
+        if v in continuous:
             found.setdefault(v, u)
     return found
 
@@ -226,13 +214,10 @@ def directional(bench: Bench) -> Found:
         with evaluating(bench) as a:
             yield from _columns(bench, a, list(_unknowns(bench)), _known(bench), "")
         return
-    m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
-    readable = set(bench.fmu.readable(m.variables))
-    unknowns = [
-        v
-        for v in dict.fromkeys(m.listed("InitialUnknown"))
-        if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"
-    ]
+    continuous = bench.continuous()
+    listed = dict.fromkeys(bench.model.listed("InitialUnknown"))
+    unknowns = [v for v in listed if v in continuous and v.causality == "output"]
+    # between steps nothing may be read after it was set, but in initialization it may
     with bench.instance() as a:
         a.enter_initialization()
         yield from _columns(bench, a, unknowns, _known_inputs(bench), " in initialization")

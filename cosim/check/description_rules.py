@@ -241,13 +241,8 @@ def start(file: File) -> Found:
             or v.initial in ("exact", "approx")
         )
         if needs and v.start is None:
-            yield (
-                v.line,
-                (
-                    f"{what}: {'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality} with initial={v.initial} has"
-                    " no start value"
-                ),
-            )
+            kind = f"{'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality}"
+            yield v.line, f"{what}: {kind} with initial={v.initial} has no start value"
         own = v.says.get("start") is not None
         if own and (v.causality == "independent" or v.initial == "calculated"):
             why = "the independent variable" if v.causality == "independent" else "calculated"
@@ -438,32 +433,19 @@ def capabilities(file: File) -> Found:
                 )
             if m.clocks and not i.can("hasEventMode"):
                 yield warning("it has clocks, but hasEventMode is not true", i.line)
-    if m.version == "3":
-        independent = m.of("independent")
-        if len(independent) != 1:
-            yield f"it has {len(independent)} independent variables; FMI 3.0 requires exactly one"
-    elif len(m.of("independent")) > 1:
-        yield f"variables {names(v.name for v in m.of('independent'))} are all independent; only one may be"
-    for v in m.of("independent"):
+    independent = m.of("independent")
+    if m.version == "3" and len(independent) != 1:
+        yield f"it has {len(independent)} independent variables; FMI 3.0 requires exactly one"
+    elif len(independent) > 1:
+        yield f"variables {names(v.name for v in independent)} are all independent; only one may be"
+    floats = "Real" if m.version == "2" else "Float32 or Float64"
+    for v in independent:
         if not v.is_float:
-            yield (
-                v.line,
-                (
-                    f"the independent variable {v.name!r} is {v.type}; it must be"
-                    f" {'Real' if m.version == '2' else 'Float32 or Float64'}"
-                ),
-            )
-    if "me" in m.interfaces and m.version == "2":
-        derived = {v.key for v in m.listed("Derivative")}
+            yield v.line, f"the independent variable {v.name!r} is {v.type}; it must be {floats}"
+    if "me" in m.interfaces and m.version == "2" and not m.listed("Derivative"):
         for v in m.variables:
             state = m.state_of(v)
-            if (
-                state is not None
-                and v.key not in derived
-                and v.causality == "local"
-                and state.causality == "local"
-                and not m.listed("Derivative")
-            ):
+            if state is not None and v.causality == state.causality == "local":
                 yield warning(
                     f"{v.name!r} derives {state.name!r}, but ModelStructure lists no derivatives, so the state is"
                     " hidden from the integrator",

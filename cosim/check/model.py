@@ -151,9 +151,14 @@ class Model:
         """Variables of these causalities."""
         return [v for v in self.variables if v.causality in causalities]
 
+    def unknowns(self, *groups: str) -> list[tuple[Unknown, Var]]:
+        """Elements of ModelStructure that are of these groups (default: of all), with their variables, in order."""
+        of = [u for u in self.structure if not groups or u.group in groups]
+        return [(u, self.by_key[u.key]) for u in of if u.key in self.by_key]
+
     def listed(self, group: str) -> list[Var]:
         """Variables of a group of ModelStructure, in order."""
-        return [self.by_key[u.key] for u in self.structure if u.group == group and u.key in self.by_key]
+        return [v for _, v in self.unknowns(group)]
 
     def state_of(self, derivative: Var) -> Var | None:
         """The state of which a variable is the derivative; None if it is not a derivative."""

@@ -222,13 +222,7 @@ def floating_point(bench: Bench) -> Found:
 
 def _environment() -> tuple[int, bool]:
     """Rounding mode, and whether subnormal numbers are kept."""
-    library = (
-        c.CDLL("ucrtbase.dll")
-        if sys.platform == "win32"
-        else c.CDLL("libm.so.6")
-        if sys.platform == "linux"
-        else c.CDLL(None)
-    )
+    library = c.CDLL({"win32": "ucrtbase.dll", "linux": "libm.so.6"}.get(sys.platform))
     smallest = float.fromhex("0x1p-1022")
     return int(library.fegetround()), smallest / 2.0 != 0.0
 

@@ -138,11 +138,8 @@ def _worst(statuses: Iterable[int]) -> int:
 
 def _set_inputs(bench: Bench, a: Instance) -> int:
     """Inputs to their start values; in continuous-time mode only the continuous ones may change."""
-    return _set_to_start(
-        bench,
-        a,
-        [v for v in bench.settable("input") if a.state != "continuous-time mode" or v.variability == "continuous"],
-    )
+    between = a.state != "continuous-time mode"
+    return _set_to_start(bench, a, [v for v in bench.settable("input") if between or v.variability == "continuous"])
 
 
 def _set_parameters(bench: Bench, a: Instance) -> int:

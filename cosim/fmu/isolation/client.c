@@ -609,16 +609,17 @@ uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set) {
 
 /* ------------------------------------------------------------------ FMI 2.0 */
 
-#define VALUES2(Name, Type, ctype)                                                                                     \
-    uint32_t fmi2Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) {                                     \
-        return set_values(l, LINK_##Type, "fmi2Set" #Name, r, n, v, n);                                                \
+/* One value for each reference. */
+#define SCALARS(version, Name, Type, ctype)                                                                            \
+    uint32_t fmi##version##Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) {                           \
+        return set_values(l, LINK_##Type, "fmi" #version "Set" #Name, r, n, v, n);                                     \
     }                                                                                                                  \
-    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) {                                           \
-        return get_values(l, LINK_##Type, "fmi2Get" #Name, r, n, v, n);                                                \
+    uint32_t fmi##version##Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) {                                 \
+        return get_values(l, LINK_##Type, "fmi" #version "Get" #Name, r, n, v, n);                                     \
     }
-VALUES2(Real, Real, double)
-VALUES2(Integer, Integer, int)
-VALUES2(Boolean, Boolean2, int)
+SCALARS(2, Real, Real, double)
+SCALARS(2, Integer, Integer, int)
+SCALARS(2, Boolean, Boolean2, int)
 uint32_t fmi2SetString(Link *l, const uint32_t *r, size_t n, const char *const *v) {
     return set_strings(l, LINK_String2, "fmi2SetString", r, n, v, n);
 }
@@ -709,12 +710,7 @@ uint32_t fmi3UpdateDiscreteStates(
     return status;
 }
 
-uint32_t fmi3SetClock(Link *l, const uint32_t *r, size_t n, const bool *v) {
-    return set_values(l, LINK_Clock, "fmi3SetClock", r, n, v, n);
-}
-uint32_t fmi3GetClock(Link *l, const uint32_t *r, size_t n, bool *v) {
-    return get_values(l, LINK_Clock, "fmi3GetClock", r, n, v, n);
-}
+SCALARS(3, Clock, Clock, bool)
 
 /* One clock at a time, as the master asks for them. What is not asked for is NULL. */
 static uint32_t interval(
