@@ -194,13 +194,7 @@ class Instance(calls.Instance):
         return self.maker(name.encode(), token.encode(), interface=int(self.kind == "cs"))()
 
     def raw(self, function: str) -> Any:
-        name = f"fmi{self.fmi}{function}"
-        known = function in NEVER[self.fmi] or function in (
-            "GetStatus",
-            "GetIntegerStatus",
-            "InstantiateScheduledExecution",
-        )
-        return getattr(self.library.unprovided, name) if known else super().raw(function)
+        return getattr(self.library.unprovided, f"fmi{self.fmi}{function}", None) or super().raw(function)
 
     def _log(self, status: int, category: str, message: str) -> None:  # type: ignore[override]
         self.messages.append((status, category, message))
