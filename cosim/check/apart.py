@@ -17,15 +17,14 @@ from typing import Any, TypeVar
 
 from cosim.check.calls import Ended, Refused
 from cosim.check.model import Var
-from cosim.check.rules import NotApplicable
+from cosim.check.rules import NotApplicable, require
 
 T = TypeVar("T")
 
 
 def run_apart(work: Callable[[], T], variables: Sequence[Var]) -> T:
     """The result of `work` in a fork, or the exception that it raised. Ends as the fork does where that is lost."""
-    if not hasattr(os, "fork"):
-        raise NotApplicable("it can be instantiated only once per process, and processes cannot be forked here")
+    require(hasattr(os, "fork"), "it can be instantiated only once per process, and processes cannot be forked here")
     readable, writable = os.pipe()
     pid = os.fork()
     if pid == 0:

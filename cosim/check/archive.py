@@ -12,7 +12,7 @@ from typing import Any
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
+from cosim.check.rules import Found, file_check, names, note, require, warning
 from cosim.core.errors import FmuError
 from cosim.core.terminals import BUS, FLOWS, PLUG, RULES
 from cosim.fmu.limits import Limits
@@ -37,8 +37,7 @@ def entries(file: File) -> list[str]:
     advice="Pack with deflate (or store), no encryption, forward slashes in paths, and the ending .fmu.",
 )
 def zip_file(file: File) -> Found:
-    if file.archive.is_folder:
-        raise NotApplicable("it is a folder, not an archive")
+    require(not file.archive.is_folder, "it is a folder, not an archive")
     if file.archive.path.suffix != ".fmu":
         yield warning(f"the name {file.archive.path.name!r} does not end in .fmu")
     with zipfile.ZipFile(file.archive.path) as archive:
@@ -120,8 +119,8 @@ def implementation(file: File) -> Found:
 def sources(file: File) -> Found:
     found = entries(file)
     there = {p.removeprefix("sources/") for p in found if p.startswith("sources/")}
-    if not there and (file.model.version == "3" or file.root.find(".//SourceFiles") is None):
-        raise NotApplicable("there are no sources")
+    listed = file.model.version == "2" and file.root.find(".//SourceFiles") is not None
+    require(there or listed, "there are no sources")
     if file.model.version == "2":
         named = [*file.root.iterfind(".//SourceFiles/File")]
         if not there:
@@ -159,8 +158,7 @@ def sources(file: File) -> Found:
 )
 def terminals(file: File) -> Found:
     path = "terminalsAndIcons/terminalsAndIcons.xml"
-    if not (file.folder / path).is_file():
-        raise NotApplicable("there are no terminals")
+    require((file.folder / path).is_file(), "there are no terminals")
     root = yield from _validated(file, path, "fmi3TerminalsAndIcons.xsd")
     if root is None:
         return

@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from cosim.check.apart import run_apart
-from cosim.check.calls import OK, WARNING, Ended, Fmu, Instance, Refused, bits
-from cosim.check.model import Interface, Model, Var
-from cosim.check.rules import Finding, NotApplicable, warning
+from cosim.check.calls import Ended, Fmu, Instance, Refused, bits
+from cosim.check.model import Var
+from cosim.check.rules import Finding, require, warning
 
 STEPS = 10  # communication steps of a run
 MOST_READ = 400  # variables that are compared after each
@@ -27,27 +27,19 @@ T = TypeVar("T")
 
 @dataclass
 class Bench:
-    """An FMU with one of its interfaces, and what has been measured of it."""
+    """An FMU with one of its interfaces, and what has been measured of it.
+
+    `model` is its modelDescription.xml, `version` "2" or "3", `interface` the one that is checked.
+    """
 
     fmu: Fmu
     kind: str
     measures: dict[str, str] = field(default_factory=dict)
     _made: int = 0
 
-    @property
-    def model(self) -> Model:
-        """Content of the FMU's modelDescription.xml."""
-        return self.fmu.model
-
-    @property
-    def version(self) -> str:
-        """Major FMI version, "2" or "3"."""
-        return self.fmu.version
-
-    @property
-    def interface(self) -> Interface:
-        """The interface that is checked: Co-Simulation or Model Exchange."""
-        return self.fmu.model.interfaces[self.kind]
+    def __post_init__(self) -> None:
+        self.model, self.version = self.fmu.model, self.fmu.version
+        self.interface = self.model.interfaces[self.kind]
 
     @property
     def step(self) -> float:
@@ -65,8 +57,8 @@ class Bench:
     def instance(self, **options: Any) -> Instance:
         """An instance in this process: of some FMUs the only one (`alone`)."""
         self._made += 1
-        self.require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
-        return self.fmu.instance(self.kind, **options)
+        require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
+        return Instance(self.fmu, self.kind, **options)
 
     def alone(self, work: Callable[..., T], *arguments: Any, **options: Any) -> T:
         """Call `work` with an instance of its own, then `arguments`, and return its result.
@@ -80,23 +72,23 @@ class Bench:
 
         if not self.interface.once:
             return with_instance()
-        self.require(self._made == 0, "it can be instantiated only once per process")
+        require(self._made == 0, "it can be instantiated only once per process")
         return run_apart(with_instance, self.model.variables)
-
-    def require(self, capability: bool, reason: str) -> None:
-        """Raise NotApplicable without a capability."""
-        if not capability:
-            raise NotApplicable(reason)
 
     def several(self) -> None:
         """Raise NotApplicable where there may be one instance at a time only."""
-        self.require(not self.interface.once, "it can be instantiated only once per process")
+        require(not self.interface.once, "it can be instantiated only once per process")
 
     def watched(self) -> list[Var]:
         """Variables whose values make up the result of a run: outputs first."""
         order = {"output": 0, "local": 1, "calculatedParameter": 2}
         found = [v for v in self.fmu.readable(self.model.variables) if v.causality in order]
         return sorted(found, key=lambda v: (order[v.causality], v.position))[:MOST_READ]
+
+    def continuous(self) -> set[Var]:
+        """Continuous variables that can be read."""
+        readable = self.fmu.readable(self.model.variables)
+        return {v for v in readable if v.is_float and v.variability == "continuous"}
 
     def settable(self, *causalities: str) -> list[Var]:
         """Numbers and Booleans among inputs or parameters that can be set at will."""
@@ -136,8 +128,7 @@ class Bench:
     def repeatable(self) -> list[Values]:
         """A run that a second one repeats. Raises NotApplicable."""
         first = self.fresh()
-        if difference(first, self.fresh()):
-            raise NotApplicable("identical runs already differ (see runs.repeat)")
+        require(not difference(first, self.fresh()), "identical runs already differ (see runs.repeat)")
         return first
 
     @cached_property
@@ -249,9 +240,14 @@ def shown(x: Any) -> str:
     return f"{x:.9g}" if isinstance(x, float) else str(x)
 
 
-def moved(v: Var, values: Sequence[Any], by: float = 1e-2) -> list[Any] | None:
-    """Other values within the range of a variable; None: there are none."""
-    low, high = (-math.inf if v.low is None else v.low), (math.inf if v.high is None else v.high)
+def all_moved(variables: Iterable[Var], by: float = 1e-2) -> Values:
+    """`moved` of all variables that have other values."""
+    return {v: values for v in variables if (values := moved(v, by)) is not None}
+
+
+def moved(v: Var, by: float = 1e-2) -> list[Any] | None:
+    """Values within the range of a variable other than its start values; None: there are none."""
+    values, (low, high) = v.starts() or [], v.bounds
     if v.access == "Boolean":
         return [not x for x in values]
     if not v.is_number or not values:
@@ -285,8 +281,7 @@ def disturb(bench: Bench, a: Instance) -> None:
         for v in tried(bench.settable("input"))
         if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
     ]
-    values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
-    if values:
+    if values := all_moved(inputs):
         attempt(a.set, values)
 
 
@@ -296,8 +291,3 @@ def attempt(call: Callable[..., Any], *arguments: Any) -> Any:
         return call(*arguments)
     except (Refused, Ended):
         return None
-
-
-def good(status: int) -> bool:
-    """Whether a status is OK or Warning."""
-    return status in (OK, WARNING)

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from cosim.check.description_rules import File
-from cosim.check.rules import Found, NotApplicable, file_check, names, note
+from cosim.check.rules import Found, file_check, names, note, require
 
 
 class Unreadable(ValueError):  # noqa: N818 (reads as what happened)
@@ -290,14 +289,12 @@ def libraries(file: File) -> dict[str, tuple[Library | Unreadable, set[str]]]:
     return found
 
 
-def _readable(file: File) -> Iterator[tuple[str, Library, set[str]]]:
-    some = False
-    for path, (library, kinds) in libraries(file).items():
-        if isinstance(library, Library):
-            some = True
-            yield path, library, kinds
-    if not some:
-        raise NotApplicable("no library can be read")
+def _readable(file: File) -> list[tuple[str, Library, set[str]]]:
+    found = [
+        (path, library, kinds) for path, (library, kinds) in libraries(file).items() if isinstance(library, Library)
+    ]
+    require(found, "no library can be read")
+    return found
 
 
 @file_check(
@@ -309,8 +306,7 @@ def _readable(file: File) -> Iterator[tuple[str, Library, set[str]]]:
 )
 def header(file: File) -> Found:
     found = libraries(file)
-    if not found:
-        raise NotApplicable("there are no shared libraries")
+    require(found, "there are no shared libraries")
     for path, (library, _) in found.items():
         folder = path.split("/")[1]
         claim = claimed(folder, file.model.version)

@@ -1,4 +1,4 @@
-"""An FMU as the checks call it: any function with any arguments, rightly or wrongly, in the process of the check.
+"""An FMU as the checks call it: any function of `cosim.fmu.calls`, rightly or wrongly, in the process of the check.
 
 `Fmu` is a loaded library, `Instance` an instance of it. `call` returns whatever status comes back; the other methods do
 what an importer does and raise `Refused` where the FMU does not. What is being called is written into memory that
@@ -8,7 +8,7 @@ outlives a crash, so that the crash has a name.
 from __future__ import annotations
 
 import contextlib
-import ctypes as c
+import ctypes
 import math
 import os
 import struct
@@ -18,37 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import cosim.fmu.calls as fmi
-from cosim.check.model import Interface, Model, Var
+from cosim.check.model import Model, Var
 from cosim.check.rules import NotApplicable
+from cosim.core.errors import STATUS_NAMES
 from cosim.core.memory import physical_memory
-
-OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
-STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-TYPES: dict[str, Any] = {
-    "Real": c.c_double,
-    "Integer": c.c_int,
-    "Float64": c.c_double,
-    "Float32": c.c_float,
-    "Int8": c.c_int8,
-    "UInt8": c.c_uint8,
-    "Int16": c.c_int16,
-    "UInt16": c.c_uint16,
-    "Int32": c.c_int32,
-    "UInt32": c.c_uint32,
-    "Int64": c.c_int64,
-    "UInt64": c.c_uint64,
-    "String": c.c_char_p,
-}
+from cosim.fmu.interface import INTERFACES, NAMES, Interface
 
 MOST_LOGGED = 200  # messages of an instance that are kept
 LONGEST = 300  # characters of a message that are shown
 LOOP = 100  # event iterations
-
-
-class EventInfo2(c.Structure):
-    """`fmi2EventInfo`."""
-
-    _fields_ = (*((n, c.c_int) for n in ("again", "terminate", "nominals", "values", "timed")), ("next", c.c_double))
+SPARE = 8  # values
 
 
 class Refused(Exception):  # noqa: N818
@@ -71,7 +50,7 @@ def shown(status: int | None) -> str:
     """A status by its name."""
     if status is None:
         return "NULL"
-    return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is not an FMI status"
+    return STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else f"{status}, which is not an FMI status"
 
 
 class Fmu:
@@ -85,32 +64,20 @@ class Fmu:
         self.say = say or (lambda text: None)
         # the call that returned Fatal: then no instance may be called any more (FMI 2.0, 2.1.3; FMI 3.0, 2.2.4)
         self.fatal = ""
-        self._loaded: dict[Path, tuple[Any, Any]] = {}
-        self.types = {**TYPES, "Boolean": c.c_int if self.version == "2" else c.c_bool}
-        self.flag = c.c_int if self.version == "2" else c.c_bool
+        self.ffi = fmi.ffi_of(self.version)
+        self.types = fmi.c_types(int(self.version))
+        self._loaded: dict[Path, Any] = {}
 
-    def dll(self, kind: str) -> Any:
+    def library(self, kind: str) -> Any:
         """The library of an interface."""
         path = self.libraries[kind]
         if path not in self._loaded:
             self.say(f"loading {path.name}")
             if sys.platform == "win32":
                 os.add_dll_directory(str(path.parent))
-            self._loaded[path] = c.CDLL(str(path)), fmi.ffi_of(self.version).dlopen(str(path))
-        return self._loaded[path][0]
-
-    def typed(self, kind: str) -> Any:
-        """The same library with the types of its functions."""
-        self.dll(kind)
-        return self._loaded[self.libraries[kind]][1]
-
-    def has(self, kind: str, function: str) -> bool:
-        """Whether the library of an interface exports an FMI function, given without its prefix."""
-        return hasattr(self.dll(kind), f"fmi{self.version}{function}")
-
-    def instance(self, kind: str, **options: Any) -> Instance:
-        """A new instance of an interface; `options` are those of `Instance`."""
-        return Instance(self, kind, **options)
+            ctypes.CDLL(str(path))  # raises the loader's own words, which cffi puts others around
+            self._loaded[path] = self.ffi.dlopen(str(path))
+        return self._loaded[path]
 
     def groups(self, variables: Iterable[Var]) -> dict[str, list[Var]]:
         """Variables by the functions that access them."""
@@ -121,9 +88,8 @@ class Fmu:
 
     def readable(self, variables: Iterable[Var]) -> list[Var]:
         """Those that can be read at any time in a run."""
-        return [
-            v for v in variables if v.access in self.types and not v.clocked and v.reference is not None and v.size > 0
-        ]
+        types = self.types.keys() - {"Binary"}
+        return [v for v in variables if v.access in types and not v.clocked and v.reference is not None and v.size > 0]
 
 
 class Instance:
@@ -153,34 +119,30 @@ class Instance:
         self.handle: Any = None
         self.next_event = math.inf
         self.indicators: list[float] = []
-        self._dll = fmu.dll(kind)
+        self.ffi = fmu.ffi
+        self._library = fmu.library(kind)
         self._saved: list[Any] = []
         self._ticking: list[tuple[int, float, float]] = []
         if event_mode is None:
             event_mode = fmu.model.clocks and self.interface.can("hasEventMode")
         self.event_mode = event_mode and kind == "cs"
         self._keep: list[Any] = []
-        handle = self._instantiate(name, fmu.model.token if token is None else token, logging)
-        self.handle = c.c_void_p(handle) if handle else None
+        self._texts: list[Any] = []  # that were set last
+        self.handle = self._instantiate(name, fmu.model.token if token is None else token, logging) or None
         self.state = "instantiated"
 
     @property
     def _instantiator(self) -> str:
         """Name of the function that instantiates, without its prefix."""
-        return "Instantiate" + {"2": ""}.get(self.version, "CoSimulation" if self.kind == "cs" else "ModelExchange")
+        return "Instantiate" + ("" if self.version == "2" else INTERFACES[self.kind])
 
-    def _instantiate(self, name: str, token: str, logging: bool) -> int:
-        """Address of the instance; 0 if the FMU returns no instance."""
+    def _instantiate(self, name: str, token: str, logging: bool) -> Any:
+        """The instance; NULL if the FMU returns none."""
         self.raw(self._instantiator)
-        ffi, resources = fmi.ffi_of(self.version), (self.fmu.folder / "resources").resolve()
-        library = self.fmu.typed(self.kind)
+        resources, given = (self.fmu.folder / "resources").resolve(), (self._log, self._keep, self.kind, logging)
         if self.version == "2":
-            texts = name, token, resources.as_uri()
-            handle = fmi.instantiate2(library, fmi.c_library(), texts, self._log, self._keep, self.kind, logging)
-        else:
-            texts = name, token, f"{resources}{os.sep}"
-            handle = fmi.instantiate3(library, texts, self._log, self._keep, self.kind, logging, self.event_mode)
-        return int(ffi.cast("uintptr_t", handle))
+            return fmi.instantiate2(self._library, fmi.c_library(), (name, token, resources.as_uri()), *given)
+        return fmi.instantiate3(self._library, (name, token, f"{resources}{os.sep}"), *given, self.event_mode)
 
     def _log(self, status: int, category: str, message: str) -> None:  # noqa: ARG002
         if len(self.messages) < MOST_LOGGED:
@@ -191,33 +153,36 @@ class Instance:
     @property
     def where(self) -> str:
         """Its interface and state, in words."""
-        return f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'}, {self.state})"
+        return f"({NAMES[self.kind]}, {self.state})"
+
+    def full_name(self, function: str) -> str:
+        """The name of a function of FMI 3.0 in this version."""
+        return fmi.full_name(self.version, function)
 
     def raw(self, function: str) -> Any:
         """A function, announced as the one that is called next."""
         if self.fmu.fatal:
             raise NotApplicable(f"{self.fmu.fatal} returned Fatal, after which no function may be called")
-        name = f"fmi{self.version}{function}"
+        name = self.full_name(function)
         self.fmu.say(f"{name} {self.where}")
         try:
-            return getattr(self._dll, name)
+            return getattr(self._library, name)
         except AttributeError:
             raise Refused(name, None, "the library does not have it", self.where) from None
 
     def call(self, function: str, *arguments: Any) -> int:
-        """Call on this instance; floats pass as double, bools as the Boolean of this version. Returns the status."""
-        passed = [self._argument(a) for a in arguments]
-        f = self.raw(function)
-        f.restype = c.c_int
-        status = int(f(self.handle, *passed))
-        if status == FATAL:
-            self.fmu.fatal, self.handle = f"fmi{self.version}{function} {self.where}", None
+        """Call on this instance; None passes as NULL. Returns the status."""
+        passed = (self.ffi.NULL if a is None else a for a in (self.handle, *arguments))
+        status = int(self.ffi.cast("int", self.raw(function)(*passed)))
+        if status == fmi.FATAL:
+            self.fmu.fatal, self.handle = f"{self.full_name(function)} {self.where}", None
         return status
 
-    def _argument(self, value: Any) -> Any:
-        if isinstance(value, bool):
-            return self.fmu.flag(value)
-        return c.c_double(value) if isinstance(value, float) else value
+    def flags(self, n: int) -> tuple[Any, list[Any]]:
+        """A buffer for Booleans that the FMU returns, and where each of them is."""
+        kind = self.fmu.types["Boolean"]
+        values = self.buffer(kind, n)
+        return values, [self.ffi.cast(f"{kind}*", values + i) for i in range(n)]
 
     def must(self, function: str, *arguments: Any) -> None:
         """Call that has to succeed. Raises Refused."""
@@ -226,8 +191,8 @@ class Instance:
 
     def _demand(self, function: str, status: int, before: int, when: str = "") -> None:
         """Raise Refused unless a status is OK or Warning; `before`: number of the messages before the call."""
-        if status not in (OK, WARNING):
-            raise Refused(f"fmi{self.version}{function}", status, self.said(before), f"{self.where}{when}")
+        if not good(status):
+            raise Refused(self.full_name(function), status, self.said(before), f"{self.where}{when}")
 
     def said(self, since: int = 0) -> str:
         """Its latest message."""
@@ -239,8 +204,7 @@ class Instance:
     def require(self) -> Instance:
         """Itself; raises Refused where it could not be instantiated."""
         if self.handle is None:
-            where = f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'})"
-            raise Refused(f"fmi{self.version}{self._instantiator}", None, self.said(), where)
+            raise Refused(self.full_name(self._instantiator), None, self.said(), f"({NAMES[self.kind]})")
         return self
 
     def setup(self, stop: float | None = None) -> tuple[Any, ...]:
@@ -248,13 +212,6 @@ class Instance:
         tolerance = self.tolerance if self.tolerance is not None else self.model.experiment.get("tolerance", 0.0)
         given = 0.0 < tolerance < math.inf
         return (given, tolerance if given else 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
-
-    def settable_when_instantiated(self, v: Var) -> bool:
-        """Whether a variable may be set before initialization mode.
-
-        FMI 2.0 (2.1.6) allows it only with `initial` exact or approx, and inputs have no `initial`.
-        """
-        return self.version == "3" or v.causality != "input"
 
     def enter_initialization(
         self,
@@ -267,7 +224,8 @@ class Instance:
 
         FMI 2.0: `set_after_setup` are parameters that are set after fmi2SetupExperiment.
         """
-        early = {v: x for v, x in (values or {}).items() if self.settable_when_instantiated(v)}
+        # FMI 2.0 (2.1.6) allows it before only with `initial` exact or approx, and inputs have no `initial`.
+        early = {v: x for v, x in (values or {}).items() if self.version == "3" or v.causality != "input"}
         late = {v: x for v, x in (values or {}).items() if v not in early}
         self.time = self.model.start_time
         if set_after_setup:
@@ -293,13 +251,13 @@ class Instance:
     def _asked(self, reference: int, interval: float, shift: float) -> tuple[int, float, float]:
         """Reference, interval and shift of a clock, of which importers have to ask what is not written."""
         if math.isnan(interval):
-            which, seconds, qualifier = (c.c_uint32 * 1)(reference), (c.c_double * 1)(), (c.c_int * 1)()
-            self.must("GetIntervalDecimal", which, c.c_size_t(1), seconds, qualifier)
+            seconds, qualifier = self.ffi.new("double*"), self.ffi.new("int*")
+            self.must("GetIntervalDecimal", [reference], 1, seconds, qualifier)
             interval = seconds[0]
-            self.must("GetShiftDecimal", which, c.c_size_t(1), seconds)
+            self.must("GetShiftDecimal", [reference], 1, seconds)
             shift = seconds[0]
             if not 0 < interval < math.inf:
-                raise Refused("fmi3GetIntervalDecimal", OK, f"says {interval:g} s", self.where)
+                raise Refused("fmi3GetIntervalDecimal", fmi.OK, f"says {interval:g} s", self.where)
         return reference, interval, shift
 
     def initialize(self, values: Mapping[Var, Sequence[Any]] | None = None) -> Instance:
@@ -312,30 +270,31 @@ class Instance:
     def handle_events(self) -> None:
         """Iterate in event mode and leave it. Raises Ended, Refused."""
         for _ in range(LOOP):
-            if self.version == "2":
-                info = EventInfo2()
-                self.must("NewDiscreteStates", c.byref(info))
-                again, ends, timed, at = info.again, info.terminate, info.timed, info.next
-            else:
-                flags, next_ = [c.c_bool() for _ in range(5)], c.c_double()
-                self.must("UpdateDiscreteStates", *map(c.byref, flags), c.byref(next_))
-                again, ends, timed, at = flags[0].value, flags[1].value, flags[4].value, next_.value
+            before = len(self.messages)
+            status, again, ends, timed, at = self.update_discrete_states()
+            self._demand("UpdateDiscreteStates", status, before)
             self.next_event = at if timed else math.inf
             if ends:
                 raise Ended
             if not again:
                 break
         else:
-            raise Refused(
-                f"fmi{self.version}{'NewDiscreteStates' if self.version == '2' else 'UpdateDiscreteStates'}",
-                OK,
-                f"{LOOP} times in a row, and still requires event iterations",
-                self.where,
-            )
+            text = f"{LOOP} times in a row, and still requires event iterations"
+            raise Refused(self.full_name("UpdateDiscreteStates"), fmi.OK, text, self.where)
         self.must("EnterContinuousTimeMode" if self.kind == "me" else "EnterStepMode")
         self.state = "continuous-time mode" if self.kind == "me" else "step mode"
         if self.kind == "me":
             self.indicators = self.get_indicators()
+
+    def update_discrete_states(self) -> tuple[int, bool, bool, bool, float]:
+        """Status of an event iteration; whether it needs another, ends, has a next event, and when that is [s]."""
+        if self.version == "2":
+            info = self.ffi.new("EventInfo*")
+            status = self.call("UpdateDiscreteStates", info)
+            return status, info.again, info.ends, info.timed, info.next
+        (flags, pointers), next_ = self.flags(5), self.ffi.new("double*")
+        status = self.call("UpdateDiscreteStates", *pointers, next_)
+        return status, flags[0], flags[1], flags[4], next_[0]
 
     def terminate(self) -> None:
         """Call Terminate."""
@@ -352,9 +311,7 @@ class Instance:
     def free(self) -> None:
         """Free the instance, unless a call has returned Fatal."""
         if self.handle is not None and not self.fmu.fatal:
-            f = self.raw("FreeInstance")
-            f.restype = None
-            f(self.handle)
+            self.raw("FreeInstance")(self.handle)
         self.handle = None
 
     def __enter__(self) -> Instance:
@@ -365,37 +322,48 @@ class Instance:
             return
         for state in self._saved:
             with contextlib.suppress(Refused, NotApplicable):
-                self.call(f"Free{self.saved}", c.byref(state))
+                self.call("FreeFMUState", state)
         self.free()
 
     # --------------------------------------------------------------------------------------------------------- values
 
     @staticmethod
-    def references(variables: Iterable[Var]) -> Any:
-        """Value references as an array in C."""
-        found = [v.reference or 0 for v in variables]
-        return (c.c_uint32 * max(1, len(found)))(*found)
+    def references(variables: Iterable[Var]) -> list[int]:
+        """Value references, of which an invalid one passes as C would convert it."""
+        return [(v.reference or 0) & 0xFFFFFFFF for v in variables]
+
+    def buffer(self, c_type: str, n: int) -> Any:
+        """A C array for `n` values, and for some more: an FMU that writes too many does not end the check.
+
+        Booleans of FMI 3.0 are bytes in it, since an FMU may write others than 0 and 1.
+        """
+        return self.ffi.new("uint8_t[]" if c_type == "bool" else f"{c_type}[]", n + SPARE)
 
     def get_raw(self, access: str, variables: Sequence[Var]) -> tuple[int, Any]:
         """Status, and a C array of the values of variables of one type."""
         n = sum(v.size for v in variables)
-        buffer = (self.fmu.types[access] * max(1, n))()
-        count = () if self.version == "2" else (c.c_size_t(n),)
-        return self.call(f"Get{access}", self.references(variables), c.c_size_t(len(variables)), buffer, *count), buffer
+        kind = self.fmu.types[access]
+        buffer = self.buffer(kind, n)
+        pointer = self.ffi.cast(f"{kind}*", buffer)
+        return self.transfer(f"Get{access}", self.references(variables), len(variables), pointer, n), buffer
 
     def set_raw(self, access: str, variables: Sequence[Var], values: Sequence[Any]) -> int:
         """Status of setting variables of one type."""
         buffer = self._buffer(access, values)
-        count = () if self.version == "2" else (c.c_size_t(len(values)),)
-        return self.call(f"Set{access}", self.references(variables), c.c_size_t(len(variables)), buffer, *count)
+        return self.transfer(f"Set{access}", self.references(variables), len(variables), buffer, len(values))
+
+    def transfer(self, function: str, references: Any, n: int, buffer: Any, size: int) -> int:
+        """Status of a function that gets or sets `size` values of `n` variables."""
+        return self.call(function, references, n, buffer, *(() if self.version == "2" else (size,)))
 
     def _buffer(self, access: str, values: Sequence[Any]) -> Any:
         kind = self.fmu.types[access]
         if access == "String":
-            values = [v if isinstance(v, bytes) else str(v).encode() for v in values]
-        elif kind not in (c.c_double, c.c_float):
-            values = [int(v) for v in values]
-        return (kind * max(1, len(values)))(*values)
+            self._texts = [self.ffi.new("char[]", v if isinstance(v, bytes) else str(v).encode()) for v in values]
+            return self.ffi.new("const char*[]", self._texts)
+        if kind not in ("double", "float"):  # an integer beyond its type passes as C would convert it
+            values = [int(self.ffi.cast(kind, int(v))) for v in values]
+        return self.ffi.new(f"{kind}[]", values)
 
     def set(self, values: Mapping[Var, Sequence[Any]]) -> bool:
         """Set variables; true. Raises Refused."""
@@ -412,18 +380,23 @@ class Instance:
             before = len(self.messages)
             status, buffer = self.get_raw(access, group)
             self._demand(f"Get{access}", status, before)
-            values, at = list(buffer), 0
+            values, at = self._values(access, buffer), 0
             for v in group:
                 found[v] = values[at : at + v.size]
                 at += v.size
         return found
+
+    def _values(self, access: str, buffer: Any) -> list[Any]:
+        if access == "String":
+            return [self.ffi.string(x) if x else None for x in buffer]
+        return [bool(x) for x in buffer] if self.fmu.types[access] == "bool" else list(buffer)
 
     # ----------------------------------------------------------------------------------------------------------- time
 
     def do_step(self, time: float, step: float) -> int:
         """Status of DoStep; follows what it says about events and ends. Raises Ended."""
         if self.version == "2":
-            return self.call("DoStep", float(time), float(step), True)
+            return self.call("DoStep", time, step, True)
         begin, end, near = time, time + step, 1e-9 * (1.0 + abs(time))
         sensible = self._ticking and 0 < step < 1000 * min(interval for _, interval, _ in self._ticking)
         while sensible and self.state == "step mode":
@@ -434,7 +407,7 @@ class Instance:
             if to >= end - near:
                 break
             status = self._do_step(time, to - time)
-            if status not in (OK, WARNING):
+            if not good(status):
                 return status
             time = to
         return self._do_step(time, step if time == begin else end - time)
@@ -448,16 +421,15 @@ class Instance:
         """Event mode in which these clocks tick. Raises Ended, Refused."""
         self.must("EnterEventMode")
         self.state = "event mode"
-        n = len(references)
-        self.must("SetClock", (c.c_uint32 * n)(*references), c.c_size_t(n), (c.c_bool * n)(*[True] * n))
+        self.must("SetClock", references, len(references), [True] * len(references))
         self.handle_events()
 
     def _do_step(self, time: float, step: float) -> int:
-        flags, last = [c.c_bool() for _ in range(3)], c.c_double(math.nan)
-        status = self.call("DoStep", float(time), float(step), True, *map(c.byref, flags), c.byref(last))
-        if status in (OK, WARNING) and flags[1].value:
+        flags, pointers = self.flags(3)
+        status = self.call("DoStep", time, step, True, *pointers, self.ffi.new("double*", math.nan))
+        if good(status) and flags[1]:
             raise Ended
-        if status in (OK, WARNING) and flags[0].value and self.event_mode:
+        if good(status) and flags[0] and self.event_mode:
             self.must("EnterEventMode")
             self.state = "event mode"
             self.handle_events()
@@ -487,12 +459,14 @@ class Instance:
             self.set_states([a + step * b for a, b in zip(x, dx, strict=True)])
         new = self.get_indicators()
         crossed = any((a > 0) != (b > 0) for a, b in zip(self.indicators, new, strict=False))
-        enter, ends = self.fmu.flag(), self.fmu.flag()
+        enter = ends = 0
         if self.interface.wants_completed_steps(self.version):
-            self.must("CompletedIntegratorStep", True, c.byref(enter), c.byref(ends))
-        if ends.value:
+            flags, pointers = self.flags(2)
+            self.must("CompletedIntegratorStep", True, *pointers)
+            enter, ends = flags[0:2]
+        if ends:
             raise Ended
-        if crossed or enter.value or self.time >= self.next_event:
+        if crossed or enter or self.time >= self.next_event:
             self.must("EnterEventMode")
             self.state = "event mode"
             self.handle_events()
@@ -501,38 +475,32 @@ class Instance:
 
     # ---------------------------------------------------------------------------------------------------------- states
 
-    @property
-    def saved(self) -> str:
-        """Name of a saved state in the function names of this FMI version."""
-        return "FMUstate" if self.version == "2" else "FMUState"
-
     def save(self) -> Any:
-        """An FMU state, freed with the instance."""
-        state = c.c_void_p()
-        self.must(f"Get{self.saved}", c.byref(state))
+        """A pointer to an FMU state, freed with the instance."""
+        state = self.ffi.new("void**")
+        self.must("GetFMUState", state)
         self._saved.append(state)
         return state
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
-        self.must(f"Set{self.saved}", state)
+        self.must("SetFMUState", state[0])
 
     def serialize(self, state: Any) -> bytes:
         """A saved state as bytes; raises Refused if its size is more than this machine's memory."""
-        size = c.c_size_t()
-        self.must(f"Serialized{self.saved}Size", state, c.byref(size))
-        if size.value > physical_memory():
-            text = f"says that a state has {size.value} bytes, which is more than this machine has"
-            raise Refused(f"fmi{self.version}Serialized{self.saved}Size", OK, text, self.where)
-        data = c.create_string_buffer(max(1, size.value))
-        self.must(f"Serialize{self.saved}", state, data, size)
-        return data.raw[: size.value]
+        size = self.ffi.new("size_t*")
+        self.must("SerializedFMUStateSize", state[0], size)
+        if size[0] > physical_memory():
+            text = f"says that a state has {size[0]} bytes, which is more than this machine has"
+            raise Refused(self.full_name("SerializedFMUStateSize"), fmi.OK, text, self.where)
+        data = self.ffi.new("char[]", size[0])
+        self.must("SerializeFMUState", state[0], data, size[0])
+        return bytes(self.ffi.buffer(data))
 
     def deserialize(self, data: bytes) -> Any:
         """Make a saved state of bytes."""
-        state = c.c_void_p()
-        name = ("DeSerialize" if self.version == "2" else "Deserialize") + self.saved
-        self.must(name, data, c.c_size_t(len(data)), c.byref(state))
+        state = self.ffi.new("void**")
+        self.must("DeserializeFMUState", data, len(data), state)
         self._saved.append(state)
         return state
 
@@ -541,8 +509,8 @@ class Instance:
     def _vector(self, function: str, n: int) -> list[float]:
         if n == 0:
             return []  # nothing to ask for
-        data = (c.c_double * n)()
-        self.must(function, data, c.c_size_t(n))
+        data = self.buffer("double", n)
+        self.must(function, data, n)
         return list(data)[:n]
 
     def get_states(self) -> list[float]:
@@ -551,14 +519,12 @@ class Instance:
 
     def set_states(self, x: Sequence[float]) -> bool:
         """Set the continuous states (Model Exchange); returns true."""
-        self.must("SetContinuousStates", (c.c_double * max(1, len(x)))(*x), c.c_size_t(len(x)))
+        self.must("SetContinuousStates", list(x), len(x))
         return True
 
     def get_derivatives(self) -> list[float]:
         """Derivatives of the continuous states (Model Exchange)."""
-        return self._vector(
-            "GetDerivatives" if self.version == "2" else "GetContinuousStateDerivatives", self.model.n_states
-        )
+        return self._vector("GetContinuousStateDerivatives", self.model.n_states)
 
     def get_nominals(self) -> list[float]:
         """Nominal values of the continuous states (Model Exchange)."""
@@ -574,14 +540,18 @@ class Instance:
         self, unknowns: Sequence[Var], knowns: Sequence[Var], seed: Sequence[float], adjoint: bool = False
     ) -> list[float]:
         """Product of the Jacobian with a seed of the knowns; `adjoint`: of its transpose with one of the unknowns."""
-        z, v = self.references(unknowns), self.references(knowns)
-        nz, nv = sum(x.size for x in unknowns), sum(x.size for x in knowns)
-        size = nv if adjoint else nz
-        given, result = (c.c_double * max(1, len(seed)))(*seed), (c.c_double * max(1, size))()
-        lists = (z, c.c_size_t(len(unknowns)), v, c.c_size_t(len(knowns)))
-        tail = (given, result) if self.version == "2" else (given, c.c_size_t(len(seed)), result, c.c_size_t(size))
+        n = sum(v.size for v in (knowns if adjoint else unknowns))
+        result = self.buffer("double", n)
+        lists = (self.references(unknowns), len(unknowns), self.references(knowns), len(knowns))
+        seed = list(seed)
+        tail = (seed, result) if self.version == "2" else (seed, len(seed), result, n)
         self.must("GetAdjointDerivative" if adjoint else "GetDirectionalDerivative", *lists, *tail)
-        return list(result)[:size]
+        return list(result)[:n]
+
+
+def good(status: int) -> bool:
+    """Whether a status is OK or Warning."""
+    return status in (fmi.OK, fmi.WARNING)
 
 
 def bits(values: Mapping[Var, Sequence[Any]]) -> dict[Var, bytes]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from cosim.check.bench import Bench, Values, attempt, moved, same, tried
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Unknown, Var
-from cosim.check.rules import Found, NotApplicable, check, names, note
+from cosim.check.rules import Found, NotApplicable, check, names, note, require
 
 _STRUCTURE2, _STRUCTURE3 = (
     "2.2.8 Definition of the Model Structure (dependencies)",
@@ -37,22 +37,16 @@ def _flat(values: Values) -> Vector:
 )
 def initial(bench: Bench) -> Found:
     m = bench.model
-    listed = [
-        (u, m.by_key[u.key])
-        for u in m.structure
-        if u.group == "InitialUnknown" and u.depends is not None and u.key in m.by_key
-    ]
-    of = {v: u for u, v in listed if v in set(bench.fmu.readable(m.variables)) and v.is_number}
+    numbers = {v for v in bench.fmu.readable(m.variables) if v.is_number}
+    of = {v: u for u, v in m.unknowns("InitialUnknown") if u.depends is not None and v in numbers}
     knowns = [v for v in bench.settable("input", "parameter") if v.is_float]
     knowns += [
         v
         for v in bench.fmu.readable(m.of("output", "local"))
         if v.says.get("initial") == "exact" and v.is_float and v.starts() is not None and v.variability == "continuous"
     ]
-    if not of or not knowns:
-        raise NotApplicable(
-            "no dependencies of initial unknowns are declared" if not of else "there is nothing to vary"
-        )
+    require(of, "no dependencies of initial unknowns are declared")
+    require(knowns, "there is nothing to vary")
     unknowns = list(of)
     aliases = _aliases(bench)
 
@@ -63,7 +57,7 @@ def initial(bench: Bench) -> Found:
         return None if after is None else (before, again, after)
 
     for known in tried(knowns, MOST):
-        values = moved(known, known.starts() or ())
+        values = moved(known)
         if values is None:
             continue
 
@@ -160,18 +154,10 @@ def _function(
 
 def _unknowns(bench: Bench) -> dict[Var, Unknown]:
     """Continuous outputs and derivatives."""
-    m = bench.model
-    readable = set(bench.fmu.readable(m.variables))
+    continuous = bench.continuous()
     found: dict[Var, Unknown] = {}
-    for u in m.structure:
-        v = m.by_key.get(u.key)  # type: ignore[arg-type]
-        if (
-            u.group in ("Output", "Derivative")
-            and v is not None
-            and v in readable
-            and v.is_float
-            and v.variability == "continuous"
-        ):
+    for u, v in bench.model.unknowns("Output", "Derivative"):
+        if v in continuous:
             found.setdefault(v, u)
     return found
 
@@ -187,8 +173,8 @@ def _unknowns(bench: Bench) -> dict[Var, Unknown]:
 def dependencies(bench: Bench) -> Found:
     m, unknowns = bench.model, {v: u for v, u in _unknowns(bench).items() if u.depends is not None}
     knowns = _known(bench)
-    if not unknowns or not knowns:
-        raise NotApplicable("no dependencies are declared" if not unknowns else "there is nothing to vary")
+    require(unknowns, "no dependencies are declared")
+    require(knowns, "there is nothing to vary")
     aliases = _aliases(bench)
     with evaluating(bench) as a:
         read = list(unknowns)
@@ -223,26 +209,22 @@ def dependencies(bench: Bench) -> Found:
     advice="Correct the derivative, or do not declare support for directional derivatives.",
 )
 def directional(bench: Bench) -> Found:
-    bench.require(bench.interface.directional, "it does not support directional derivatives")
+    require(bench.interface.directional, "it does not support directional derivatives")
     if bench.kind == "me":
         with evaluating(bench) as a:
             yield from _columns(bench, a, list(_unknowns(bench)), _known(bench), "")
         return
-    m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
-    readable = set(bench.fmu.readable(m.variables))
-    unknowns = [
-        v
-        for v in dict.fromkeys(m.listed("InitialUnknown"))
-        if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"
-    ]
+    continuous = bench.continuous()
+    listed = dict.fromkeys(bench.model.listed("InitialUnknown"))
+    unknowns = [v for v in listed if v in continuous and v.causality == "output"]
+    # between steps nothing may be read after it was set, but in initialization it may
     with bench.instance() as a:
         a.enter_initialization()
         yield from _columns(bench, a, unknowns, _known_inputs(bench), " in initialization")
 
 
 def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[str, Var, int]], where: str) -> Found:
-    if not unknowns or not knowns:
-        raise NotApplicable("there is nothing to differentiate")
+    require(unknowns and knowns, "there is nothing to differentiate")
     m = bench.model
     groups = ("InitialUnknown",) if where else ("Output", "Derivative")
     of = {u.key: u for u in m.structure if u.group in groups}
@@ -312,8 +294,8 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
     advice="Correct one of the two, or do not declare support for it.",
 )
 def adjoint(bench: Bench) -> Found:
-    bench.require(
-        bench.interface.adjoint and bench.interface.directional,
+    require(
+        bench.interface.can("providesAdjointDerivatives") and bench.interface.directional,
         "it does not support directional and adjoint derivatives",
     )
     unknowns = list(_unknowns(bench))
@@ -322,8 +304,7 @@ def adjoint(bench: Bench) -> Found:
         knowns = [*bench.model.states, *knowns]
     both = {v.key for v in knowns}
     unknowns = [v for v in unknowns if v.key not in both]  # a state that is an output is both
-    if not unknowns or not knowns:
-        raise NotApplicable("there is nothing to differentiate")
+    require(unknowns and knowns, "there is nothing to differentiate")
     with evaluating(bench) as a:
         n, k = sum(v.size for v in unknowns), sum(v.size for v in knowns)
         x, y = [math.cos(i + 1.0) for i in range(k)], [math.sin(i + 1.0) for i in range(n)]
@@ -354,8 +335,7 @@ def rates(bench: Bench) -> Found:
         if (s := m.state_of(v)) is not None and {v, s} <= readable and v.is_float and s.is_float and v.size == s.size
     ]
     pairs = pairs[:100]
-    if not pairs:
-        raise NotApplicable("no variable is declared as the derivative of another one")
+    require(pairs, "no variable is declared as the derivative of another one")
     with bench.instance() as a:
         a.initialize()
         h = bench.step  # never less: an FMU may advance in steps of its own, and FMI 2.0 has no word to say so

@@ -6,14 +6,13 @@ import math
 import pickle
 import re
 from collections.abc import Generator, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from build_fmus.base.checks import one_line
-from cosim.check.model import DEFAULT_INITIAL, Model, Var, clock_seconds, default_initial
-from cosim.check.rules import Found, NotApplicable, file_check, names, note, warning
+from cosim.check.model import DEFAULT_INITIAL, Model, Var, clock_seconds, default_initial, number
+from cosim.check.rules import Found, NotApplicable, file_check, names, note, require, warning
 from cosim.fmu import validation
 from cosim.fmu.archive import Archive
 
@@ -43,10 +42,8 @@ class File:
 def schema(file: File) -> Found:
     from copy import deepcopy
 
-    found = list(validation._schema(deepcopy(file.root), file.model.version))
-    known = list(validation.quirks())
-    for f in found:
-        reason = next((q.reason for q in known if q.fits(file.model.tool, f.text)), "")
+    for f in validation._schema(deepcopy(file.root), file.model.version):
+        reason = validation.harmless(file.model.tool, f.text)
         yield warning(f"{f.text} (known quirk of this tool: {reason})", f.line) if reason else (f.line, f.text)
 
 
@@ -244,13 +241,8 @@ def start(file: File) -> Found:
             or v.initial in ("exact", "approx")
         )
         if needs and v.start is None:
-            yield (
-                v.line,
-                (
-                    f"{what}: {'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality} with initial={v.initial} has"
-                    " no start value"
-                ),
-            )
+            kind = f"{'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality}"
+            yield v.line, f"{what}: {kind} with initial={v.initial} has no start value"
         own = v.says.get("start") is not None
         if own and (v.causality == "independent" or v.initial == "calculated"):
             why = "the independent variable" if v.causality == "independent" else "calculated"
@@ -262,16 +254,16 @@ def start(file: File) -> Found:
             count = f" for {v.size} elements" if v.size != 1 else ""
             yield v.line, f"{what}: start={one_line(v.start, 60)!r} cannot be read as {v.type}{count}"
             continue
-        if v.is_number and v.low is not None and v.high is not None and v.low > v.high:
-            yield v.line, f"{what}: min {v.low:g} is above max {v.high:g}"
+        low, high = v.bounds
+        if v.is_number and low > high:
+            yield v.line, f"{what}: min {low:g} is above max {high:g}"
         elif v.is_number:
             for value in values:
                 if not math.isfinite(value):
                     yield v.line, f"{what}: its start is {value}"
                     break
-                if (v.low is not None and value < v.low) or (v.high is not None and value > v.high):
-                    limits = f"{-math.inf if v.low is None else v.low:g} to {math.inf if v.high is None else v.high:g}"
-                    yield v.line, f"{what}: start {value:g} is outside of its range {limits}"
+                if value < low or value > high:
+                    yield v.line, f"{what}: start {value:g} is outside of its range {low:g} to {high:g}"
                     break
 
 
@@ -324,13 +316,13 @@ def units(file: File) -> Found:
     defined = yield from _defined(file, "unit", "UnitDefinitions/Unit")
     for name, unit in defined.items():
         base = unit.find("BaseUnit")
-        if base is not None and _zero(base.get("factor", "1")):
+        if base is not None and number(base.get("factor")) == 0:
             yield unit.sourceline, f"unit {name!r}: its factor is 0, so it cannot be converted"
         displays = [d.get("name") for d in unit.iterfind("DisplayUnit")]
         if len(displays) != len(set(displays)):
             yield unit.sourceline, f"unit {name!r} has two display units of the same name"
         for display in unit.iterfind("DisplayUnit"):
-            if _zero(display.get("factor", "1")):
+            if number(display.get("factor")) == 0:
                 yield (
                     display.sourceline,
                     f"display unit {display.get('name')!r}: its factor is 0, so it cannot be converted",
@@ -349,13 +341,6 @@ def units(file: File) -> Found:
         ):
             text = f"variable {v.name!r}: unit {v.unit!r} has no display unit {one_line(shown, 60)!r}"
             yield (v.line, text) if file.model.version == "3" else warning(text, v.line)
-
-
-def _zero(text: str) -> bool:
-    try:
-        return float(text) == 0
-    except ValueError:
-        return False  # the schema says so
 
 
 @file_check(
@@ -390,8 +375,7 @@ def experiment(file: File) -> Found:
 )
 def clocks(file: File) -> Found:
     m = file.model
-    if not m.clocks:
-        raise NotApplicable("there are no clocks")
+    require(m.clocks, "there are no clocks")
     references = {v.reference for v in m.variables if v.type == "Clock"}
     for v in m.variables:
         if v.type == "Clock":
@@ -413,10 +397,9 @@ def _of_clock(v: Var) -> Iterator[str]:
         yield "is constant and has no interval"
     if interval is not None and interval <= 0:
         yield f"has the interval {interval:g} s"
-    written = v.says.get("intervalDecimal")
-    with suppress(ValueError):
-        if interval and written is not None and abs(float(written) - interval) > 1e-5 * interval:
-            yield f"has the interval {float(written):g} s, and as a fraction {interval:g} s"
+    written = number(v.says.get("intervalDecimal"))
+    if interval and written is not None and abs(written - interval) > 1e-5 * interval:
+        yield f"has the interval {written:g} s, and as a fraction {interval:g} s"
     if (
         kind == "constant"
         and v.says.get("supportsFraction") in ("true", "1")
@@ -450,32 +433,19 @@ def capabilities(file: File) -> Found:
                 )
             if m.clocks and not i.can("hasEventMode"):
                 yield warning("it has clocks, but hasEventMode is not true", i.line)
-    if m.version == "3":
-        independent = m.of("independent")
-        if len(independent) != 1:
-            yield f"it has {len(independent)} independent variables; FMI 3.0 requires exactly one"
-    elif len(m.of("independent")) > 1:
-        yield f"variables {names(v.name for v in m.of('independent'))} are all independent; only one may be"
-    for v in m.of("independent"):
+    independent = m.of("independent")
+    if m.version == "3" and len(independent) != 1:
+        yield f"it has {len(independent)} independent variables; FMI 3.0 requires exactly one"
+    elif len(independent) > 1:
+        yield f"variables {names(v.name for v in independent)} are all independent; only one may be"
+    floats = "Real" if m.version == "2" else "Float32 or Float64"
+    for v in independent:
         if not v.is_float:
-            yield (
-                v.line,
-                (
-                    f"the independent variable {v.name!r} is {v.type}; it must be"
-                    f" {'Real' if m.version == '2' else 'Float32 or Float64'}"
-                ),
-            )
-    if "me" in m.interfaces and m.version == "2":
-        derived = {v.key for v in m.listed("Derivative")}
+            yield v.line, f"the independent variable {v.name!r} is {v.type}; it must be {floats}"
+    if "me" in m.interfaces and m.version == "2" and not m.listed("Derivative"):
         for v in m.variables:
             state = m.state_of(v)
-            if (
-                state is not None
-                and v.key not in derived
-                and v.causality == "local"
-                and state.causality == "local"
-                and not m.listed("Derivative")
-            ):
+            if state is not None and v.causality == state.causality == "local":
                 yield warning(
                     f"{v.name!r} derives {state.name!r}, but ModelStructure lists no derivatives, so the state is"
                     " hidden from the integrator",

@@ -10,7 +10,7 @@ from lxml import etree
 
 from build_fmus.base.checks import one_line
 from cosim.check.description_rules import File
-from cosim.check.rules import Found, NotApplicable, file_check, note, warning
+from cosim.check.rules import Found, file_check, note, require, warning
 from cosim.core.errors import FmuError
 from cosim.fmu import validation
 from cosim.fmu.limits import Limits
@@ -54,8 +54,7 @@ def declared(file: File) -> list[str]:
 )
 def layered(file: File) -> Found:
     found = manifests(file)
-    if not found:
-        raise NotApplicable("there are no layered standards")
+    require(found, "there are no layered standards")
     for path in found:
         root = _root(file, path)
         if isinstance(root, str):

@@ -13,13 +13,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
-TYPES = {
-    "2": ("Real", "Integer", "Boolean", "String", "Enumeration"),
-    "3": ("Float32", "Float64", *INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock"),
-}
+from cosim.core.description import SIZED_INTEGERS
+from cosim.fmu.calls import accessed_as
+from cosim.fmu.interface import INTERFACES, Interface
+from cosim.fmu.model_description import TYPES2, TYPES3, type_attributes
+
 FLOATS = ("Real", "Float64", "Float32")
-_ACCESS = {"2": {"Enumeration": "Integer"}, "3": {"Enumeration": "Int64"}}  # types that are read and set as others
 
 DEFAULT_INITIAL = {
     "exact": {
@@ -76,7 +75,12 @@ class Var:
     @property
     def is_number(self) -> bool:
         """Whether it is a floating-point or integer variable."""
-        return self.is_float or self.access == "Integer" or self.access in INTEGERS
+        return self.is_float or self.access == "Integer" or self.access in SIZED_INTEGERS
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest value; infinite where it has no limit."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     @property
     def key(self) -> tuple[int | None, str]:
@@ -108,69 +112,6 @@ class Unknown:
     key: int | None
     depends: tuple[int, ...] | None
     kinds: tuple[str, ...] | None
-
-
-@dataclass
-class Interface:
-    """A `CoSimulation` or `ModelExchange` element."""
-
-    kind: str
-    identifier: str
-    line: int
-    says: dict[str, str]
-
-    def can(self, *flags: str) -> bool:
-        """Whether any of these capability flags is true."""
-        return any(self.says.get(f) in ("true", "1") for f in flags)
-
-    @property
-    def internal_step(self) -> float | None:
-        """Value of fixedInternalStepSize of FMI 3.0 [s], if it is one; FMI 2.0 has no such attribute."""
-        step = _number(self.says.get("fixedInternalStepSize"))
-        return step if step is not None and 0 < step < math.inf else None
-
-    @property
-    def saves(self) -> bool:
-        """Whether instances can save and restore their states."""
-        return self.can("canGetAndSetFMUstate", "canGetAndSetFMUState")
-
-    @property
-    def serializes(self) -> bool:
-        """Whether saved states can be serialized."""
-        return self.saves and self.can("canSerializeFMUstate", "canSerializeFMUState")
-
-    @property
-    def directional(self) -> bool:
-        """Whether it provides directional derivatives."""
-        return self.can("providesDirectionalDerivative", "providesDirectionalDerivatives")
-
-    @property
-    def adjoint(self) -> bool:
-        """Whether it provides adjoint derivatives."""
-        return self.can("providesAdjointDerivatives")
-
-    def wants_completed_steps(self, version: str) -> bool:
-        """Whether it is to be told of every step of the integrator."""
-        return (
-            not self.can("completedIntegratorStepNotNeeded")
-            if version == "2"
-            else self.can("needsCompletedIntegratorStep")
-        )
-
-    @property
-    def once(self) -> bool:
-        """Whether it can be instantiated only once per process."""
-        return self.can("canBeInstantiatedOnlyOncePerProcess")
-
-    @property
-    def needs_tool(self) -> bool:
-        """Whether it needs the tool that made it."""
-        return self.can("needsExecutionTool")
-
-    @property
-    def variable_step(self) -> bool:
-        """Whether communication steps may vary."""
-        return self.can("canHandleVariableCommunicationStepSize")
 
 
 @dataclass
@@ -210,9 +151,14 @@ class Model:
         """Variables of these causalities."""
         return [v for v in self.variables if v.causality in causalities]
 
+    def unknowns(self, *groups: str) -> list[tuple[Unknown, Var]]:
+        """Elements of ModelStructure that are of these groups (default: of all), with their variables, in order."""
+        of = [u for u in self.structure if not groups or u.group in groups]
+        return [(u, self.by_key[u.key]) for u in of if u.key in self.by_key]
+
     def listed(self, group: str) -> list[Var]:
         """Variables of a group of ModelStructure, in order."""
-        return [self.by_key[u.key] for u in self.structure if u.group == group and u.key in self.by_key]
+        return [v for _, v in self.unknowns(group)]
 
     def state_of(self, derivative: Var) -> Var | None:
         """The state of which a variable is the derivative; None if it is not a derivative."""
@@ -252,16 +198,14 @@ class Model:
 def read(root: Any) -> Model:
     """From the root element of modelDescription.xml."""
     version = "3" if root.get("fmiVersion", "").startswith("3") else "2"
-    variables = _variables2(root) if version == "2" else _variables3(root)
+    variables = _variables(root, version)
     interfaces = {}
-    for kind, tag in (("cs", "CoSimulation"), ("me", "ModelExchange")):
+    for kind, tag in INTERFACES.items():
         element = root.find(tag)
         if element is not None:
-            interfaces[kind] = Interface(
-                kind, element.get("modelIdentifier", ""), element.sourceline, dict(element.attrib)
-            )
+            interfaces[kind] = Interface.of(kind, element)
     experiment = root.find("DefaultExperiment")
-    numbers = {} if experiment is None else {k: _number(v) for k, v in experiment.attrib.items()}
+    numbers = {} if experiment is None else {k: number(v) for k, v in experiment.attrib.items()}
     return Model(
         version=version,
         fmi=root.get("fmiVersion", ""),
@@ -285,7 +229,7 @@ def read(root: Any) -> Model:
 def clock_seconds(says: dict[str, str], what: str) -> float | None:
     """`interval` or `shift` of a clock [s], as far as it is written: exactly as a counter, else as a decimal number."""
     resolution, counter = _whole(says.get("resolution")), _whole(says.get(f"{what}Counter"))
-    return counter / resolution if resolution and counter is not None else _number(says.get(f"{what}Decimal"))
+    return counter / resolution if resolution and counter is not None else number(says.get(f"{what}Decimal"))
 
 
 def _ticking(variables: Iterable[Var]) -> Iterator[tuple[int, float, float]]:
@@ -305,76 +249,58 @@ def default_initial(variability: str, causality: str) -> str | None:
     return next((d for d, pairs in DEFAULT_INITIAL.items() if (variability, causality) in pairs), None)
 
 
-def _variables2(root: Any) -> list[Var]:
-    types = {t.get("name"): dict(t[0].attrib) for t in root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+def _variables(root: Any, version: str) -> list[Var]:
+    """All variables. Only FMI 3.0 has elements `Start`, `Dimension` and `Alias`."""
+    types = type_attributes(root, version)
+    if version == "2":
+        scalars = root.iterfind("ModelVariables/ScalarVariable")
+        elements = [(e, next((c for c in e if c.tag in TYPES2), None)) for e in scalars]
+    else:
+        elements = [(e, e) for e in root.iterfind("ModelVariables/*") if e.tag in TYPES3]
+    sizes = {
+        e.get("valueReference"): e.get("start") for e, _ in elements if e.get("causality") == "structuralParameter"
+    }
     found = []
-    for position, element in enumerate(root.iterfind("ModelVariables/ScalarVariable"), start=1):
-        typed = next((c for c in element if c.tag in TYPES["2"]), None)
+    for position, (element, typed) in enumerate(elements, start=1):
         if typed is None:
             continue
+        type_, causality = typed.tag, element.get("causality", "local")
+        variability = element.get("variability", "continuous" if version == "2" or type_ in FLOATS else "discrete")
+        default = default_initial(variability, causality)
+        says = {**typed.attrib, **element.attrib}
         attributes = {**types.get(typed.get("declaredType"), {}), **typed.attrib}
-        found.append(_variable(element, typed.tag, position, attributes, "2", {**typed.attrib, **element.attrib}))
-    return found
-
-
-def _variables3(root: Any) -> list[Var]:
-    types = {t.get("name"): dict(t.attrib) for t in root.iterfind("TypeDefinitions/*")}
-    elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in TYPES["3"]]
-    sizes = {e.get("valueReference"): e.get("start") for e in elements if e.get("causality") == "structuralParameter"}
-    found = []
-    for position, element in enumerate(elements, start=1):
-        inherited = {
-            k: v for k, v in types.get(element.get("declaredType"), {}).items() if k not in ("name", "description")
-        }
-        attributes = {**inherited, **element.attrib}
-        starts = [s.get("value", "") for s in element.iterfind("Start")]
-        if starts:
+        if starts := [s.get("value", "") for s in element.iterfind("Start")]:
             attributes["start"] = " ".join(starts)
-        size = 1
-        for d in element.iterfind("Dimension"):
-            text = d.get("start") if d.get("start") is not None else sizes.get(d.get("valueReference"))
-            size *= _whole(text) or 0
-        aliases = tuple(a.get("name", "") for a in element.iterfind("Alias"))
-        found.append(_variable(element, element.tag, position, attributes, "3", dict(element.attrib), size, aliases))
+        low, high, nominal = (number(attributes.get(k)) for k in ("min", "max", "nominal"))
+        found.append(
+            Var(
+                name=element.get("name", ""),
+                position=position,
+                line=element.sourceline,
+                reference=_whole(element.get("valueReference")),
+                type=type_,
+                access=accessed_as(version, type_),
+                causality=causality,
+                variability=variability,
+                initial=element.get("initial") or {"input": "exact", "none": None}.get(default or "none", default),
+                says=says,
+                start=attributes.get("start"),
+                low=low,
+                high=high,
+                nominal=nominal,
+                unit=attributes.get("unit"),
+                derivative=_whole(attributes.get("derivative")),
+                size=math.prod(_size(d, sizes) for d in element.iterfind("Dimension")),
+                aliases=tuple(a.get("name", "") for a in element.iterfind("Alias")),
+                clocked="clocks" in says,
+            )
+        )
     return found
 
 
-def _variable(
-    element: Any,
-    type_: str,
-    position: int,
-    attributes: dict[str, str],
-    version: str,
-    says: dict[str, str],
-    size: int = 1,
-    aliases: tuple[str, ...] = (),
-) -> Var:
-    causality = element.get("causality", "local")
-    variability = element.get("variability", "continuous" if version == "2" or type_ in FLOATS else "discrete")
-    default = default_initial(variability, causality)
-    initial = element.get("initial") or {"input": "exact", "none": None}.get(default or "none", default)
-    low, high, nominal = (_number(attributes.get(k)) for k in ("min", "max", "nominal"))
-    return Var(
-        name=element.get("name", ""),
-        position=position,
-        line=element.sourceline,
-        reference=_whole(element.get("valueReference")),
-        type=type_,
-        access=_ACCESS[version].get(type_, type_),
-        causality=causality,
-        variability=variability,
-        initial=initial,
-        says=says,
-        start=attributes.get("start"),
-        low=low,
-        high=high,
-        nominal=nominal,
-        unit=attributes.get("unit"),
-        derivative=_whole(attributes.get("derivative")),
-        size=size,
-        aliases=aliases,
-        clocked="clocks" in says,
-    )
+def _size(dimension: Any, sizes: dict[str, str]) -> int:
+    text = dimension.get("start")
+    return _whole(sizes.get(dimension.get("valueReference")) if text is None else text) or 0
 
 
 _GROUPS = {
@@ -406,7 +332,8 @@ def _structure(root: Any, version: str) -> Iterable[Unknown]:
             )
 
 
-def _number(text: str | None) -> float | None:
+def number(text: str | None) -> float | None:
+    """A number as it is written; None if there is none."""
     try:
         return None if text is None else float(text)
     except ValueError:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import math
 
 from cosim.check.bench import Bench, attempt, same
 from cosim.check.calls import Instance
 from cosim.check.derivatives import Vector, are_close, evaluating, other_values
-from cosim.check.rules import Found, NotApplicable, check, names, warning
+from cosim.check.rules import Found, check, names, require, warning
 
 
 @check(
@@ -22,10 +21,10 @@ from cosim.check.rules import Found, NotApplicable, check, names, warning
 def state_vector(bench: Bench) -> Found:
     m = bench.model
     states, derivatives = m.states, m.listed("Derivative")
-    bench.require(bool(derivatives), "it has no continuous states")
+    require(derivatives, "it has no continuous states")
     readable = set(bench.fmu.readable(m.variables))
-    if len(states) != len(derivatives) or not {*states, *derivatives} <= readable:
-        raise NotApplicable("not all states can be read as variables")
+    all_readable = len(states) == len(derivatives) and {*states, *derivatives} <= readable
+    require(all_readable, "not all states can be read as variables")
     with evaluating(bench) as a:
         x, dx = a.get_states(), a.get_derivatives()
         for what, vector, variables in (("state", x, states), ("derivative", dx, derivatives)):
@@ -59,7 +58,7 @@ def state_vector(bench: Bench) -> Found:
     kinds=("me",),
 )
 def pure(bench: Bench) -> Found:
-    bench.require(bench.model.n_states > 0, "it has no continuous states")
+    require(bench.model.n_states, "it has no continuous states")
     with evaluating(bench) as a:
         x, before = a.get_states(), a.get_derivatives()
         twice = a.get_derivatives()
@@ -102,7 +101,7 @@ def pure(bench: Bench) -> Found:
 )
 def nominals(bench: Bench) -> Found:
     m = bench.model
-    bench.require(m.n_states > 0, "it has no continuous states")
+    require(m.n_states, "it has no continuous states")
     with bench.instance() as a:
         a.initialize()
         found = a.get_nominals()
@@ -132,10 +131,10 @@ def counts(bench: Bench) -> Found:
                 ("GetNumberOfContinuousStates", "continuous states", m.n_states),
                 ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
             ):
-                n = c.c_size_t()
-                a.must(function, c.byref(n))
-                if n.value != expected:
-                    yield f"{function} returns {n.value}; ModelStructure lists {expected} {what}"
+                n = a.ffi.new("size_t*")
+                a.must(function, n)
+                if n[0] != expected:
+                    yield f"{function} returns {n[0]}; ModelStructure lists {expected} {what}"
         a.initialize()
         for what, vector in (
             ("event indicator", a.get_indicators()),
@@ -157,8 +156,7 @@ def counts(bench: Bench) -> Found:
     worst="warning",
 )
 def together(bench: Bench) -> Found:
-    if "cs" not in bench.model.interfaces or "cs" not in bench.fmu.libraries:
-        raise NotApplicable("it has one interface only")
+    require("cs" in bench.model.interfaces and "cs" in bench.fmu.libraries, "it has one interface only")
     outputs = [v for v in bench.watched() if v.causality == "output" and v.is_number]
     found = [Bench(bench.fmu, kind).alone(lambda a: a.enter_initialization().get(outputs)) for kind in ("cs", "me")]
     wrong = [v.name for v in found[0] if not are_close(found[0][v], found[1][v])]

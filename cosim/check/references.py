@@ -11,7 +11,7 @@ from build_fmus.base.csv_table import CsvTable
 from cosim.check.bench import Bench, Values
 from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
-from cosim.check.rules import Found, NotApplicable, check, names, note
+from cosim.check.rules import Found, NotApplicable, check, names, note, require
 from cosim.core.errors import FmuError
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
@@ -32,8 +32,7 @@ TOLERANCE = 1e-3  # of the largest value of a column: what the FMI cross-check a
 def results(bench: Bench) -> Found:
     folder = bench.fmu.folder
     found = sorted({*folder.glob("documentation/**/*_ref.csv"), *folder.glob("resources/*_ref.csv"), *_listed(folder)})
-    if not found:
-        raise NotApplicable("there are no reference results inside (NAME_ref.csv)")
+    require(found, "there are no reference results inside (NAME_ref.csv)")
     for path in found[:4]:
         inputs = path.with_name(path.name.removesuffix("_ref.csv") + "_in.csv")
         try:

@@ -57,6 +57,12 @@ class NotApplicable(Exception):  # noqa: N818
     """A check has nothing to look at; the argument says why."""
 
 
+def require(needed: object, reason: str) -> None:
+    """Raise NotApplicable without what a check needs."""
+    if not needed:
+        raise NotApplicable(reason)
+
+
 @dataclass(frozen=True)
 class Check:
     """One check.

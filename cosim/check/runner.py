@@ -21,15 +21,16 @@ from build_fmus.base.interpreters import PYTHON, environment
 from cosim.check import archive, binary, description_rules, layered, structure_rules, worker
 from cosim.check.binary import claimed
 from cosim.check.description_rules import File
-from cosim.check.model import Model, read
+from cosim.check.model import read
 from cosim.check.report import Report, Result
 from cosim.check.rules import CHECKS, GROUPS, MOST, Check, Finding, NotApplicable
 from cosim.check.worker import LATE, Answer, Job, receive_answer, send
 from cosim.core.errors import CosimError, FmuError
 from cosim.core.memory import physical_memory
-from cosim.fmu import calls
 from cosim.fmu.archive import Archive
+from cosim.fmu.calls import library_path
 from cosim.fmu.find import find
+from cosim.fmu.interface import NAMES
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 
@@ -44,7 +45,6 @@ __all__ = [
     "structure_rules",
     "worker",
 ]
-_KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LIFE = "states.life"  # without which nothing else can be run
 WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")
 """Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long. What takes its time in the
@@ -233,7 +233,7 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
     found = File(file, root, read(root))
     model = found.model
     report.name, report.fmi, report.tool = model.name, model.fmi, model.tool
-    report.interfaces = (*(_KINDS[k] for k in model.interfaces), *(["Scheduled Execution"] if model.scheduled else []))
+    report.interfaces = (*(NAMES[k] for k in model.interfaces), *(["Scheduled Execution"] if model.scheduled else []))
     folder = Path(tempfile.mkdtemp(dir=safe_files.scratch()))
     stack.callback(shutil.rmtree, folder, ignore_errors=True)
     try:
@@ -264,19 +264,25 @@ def _run_all(
         report.results.append(_of_file(c, file))
     _measure_libraries(report, file)
     kinds = [k for k in model.interfaces if k in options.kinds]
-    reasons = {k: _cannot_run(file, k) for k in kinds}
+    paths = {k: library_path(version, model.interfaces[k].identifier) for k in kinds}
+    reasons = {k: _cannot_run(file, path) for k, path in paths.items()}
     if model.scheduled and not kinds:
         report.not_run = "it offers Scheduled Execution only, which cosim check does not run"
     elif kinds and all(reasons.values()):
         report.not_run = reasons[kinds[0]]
-    libraries = {k: file.folder / _binary(model, k) for k in kinds if not reasons[k]}
+    libraries = {k: file.folder / path for k, path in paths.items() if not reasons[k]}
+
+    def run(check: Check, kind: str, seconds: float) -> Result:
+        job = Job(check.id, kind, file.packed_model, file.folder, libraries, seconds, options.bytes)
+        return _of_instance(check, kind, workers.run(job), report)
+
     done = len(still)
     patience = dict.fromkeys(kinds, PATIENCE)
     for kind in kinds:
         of_kind = [c for c in moving if kind in c.kinds]
         reason = reasons[kind]
         if not reason:  # first of all it must live
-            result = _of_instance(CHECKS[LIFE], kind, file, libraries, options, workers, report, options.seconds)
+            result = run(CHECKS[LIFE], kind, options.seconds)
             patience[kind] = PATIENCE * max(1.0, round(result.seconds, 1))
             if result.verdict == "not judged":
                 reason = report.not_run = result.inapplicable
@@ -290,7 +296,7 @@ def _run_all(
                 report.results.append(result)
             of_kind = [c for c in of_kind if c.id != LIFE]
         for c in of_kind:
-            progress(f"{c.id}, {_KINDS[kind]}", min(done, len(mine) - 1), len(mine))
+            progress(f"{c.id}, {NAMES[kind]}", min(done, len(mine) - 1), len(mine))
             done += 1
             if c.id in ONCE_PER_FMU and kind != kinds[0]:
                 continue
@@ -298,18 +304,11 @@ def _run_all(
                 report.results.append(Result(c, kind, (), reason))
             else:
                 seconds = min(options.seconds, patience[kind]) if c.id in WRONG_CALLS else options.seconds
-                report.results.append(_of_instance(c, kind, file, libraries, options, workers, report, seconds))
+                report.results.append(run(c, kind, seconds))
 
 
-def _binary(model: Model, kind: str) -> str:
-    """Path of this platform's library in the archive."""
-    folder, suffix = calls.platform_folder(model.version)
-    return f"binaries/{folder}/{model.interfaces[kind].identifier}{suffix}"
-
-
-def _cannot_run(file: File, kind: str) -> str:
-    """Why an interface cannot be run here; empty: it can."""
-    path = _binary(file.model, kind)
+def _cannot_run(file: File, path: str) -> str:
+    """Why an interface with its library there cannot be run here; empty: it can."""
     if (file.folder / path).is_file():
         return ""
     others = sorted({folder for folder, _ in file.archive.libraries() if claimed(folder, file.model.version)})
@@ -335,19 +334,9 @@ def _of_file(check: Check, file: File) -> Result:
     return Result(check, "", tuple(found[:MOST]), reason, time.monotonic() - begin, max(0, len(found) - MOST))
 
 
-def _of_instance(
-    check: Check,
-    kind: str,
-    file: File,
-    libraries: dict[str, Path],
-    options: Options,
-    workers: Workers,
-    report: Report,
-    seconds: float,
-) -> Result:
-    answer = workers.run(Job(check.id, kind, file.packed_model, file.folder, libraries, seconds, options.bytes))
+def _of_instance(check: Check, kind: str, answer: Answer, report: Report) -> Result:
     if answer.broken:
-        report.failures.append(f"{check.id}, {_KINDS[kind]}:\n{answer.broken}")
+        report.failures.append(f"{check.id}, {NAMES[kind]}:\n{answer.broken}")
         return Result(check, kind, (), "the check itself failed, which says nothing about the FMU", answer.seconds)
     findings = list(answer.findings)
     doing = f" in {answer.doing}" if answer.doing else ""
@@ -357,7 +346,7 @@ def _of_instance(
         words = f"; its last output: {answer.words}" if answer.words else ""
         findings.append(Finding(f"the process of the FMU failed{doing}: {answer.lost}{words}", check.worst))
     for name, value in answer.measures.items():
-        report.measures[f"{name} ({_KINDS[kind]})"] = value
+        report.measures[f"{name} ({NAMES[kind]})"] = value
     return Result(
         check, kind, tuple(findings), answer.unjudged or answer.inapplicable, answer.seconds, judged=not answer.unjudged
     )

@@ -8,9 +8,9 @@ import math
 import sys
 import threading
 
-from cosim.check.bench import STEPS, Bench, Values, attempt, compared, difference, disturb, same
+from cosim.check.bench import STEPS, Bench, Values, attempt, compared, difference, disturb, same, shown
 from cosim.check.calls import Ended, Instance, Refused
-from cosim.check.rules import Finding, Found, NotApplicable, check, warning
+from cosim.check.rules import Finding, Found, NotApplicable, check, require, warning
 from cosim.core.memory import resident_memory
 
 _INSTANCES2 = "2.1.5 Creation, Destruction and Logging of FMU Instances"
@@ -151,13 +151,8 @@ def time(bench: Bench) -> Found:
             return
         value = a.get([clock])[clock][0]
         if not same(value, a.time, 1e-6) and abs(value - a.time) > 1e-6 * bench.step * 3:
-            text = f"{clock.name!r} is {shown_time(value)} at {shown_time(a.time)} s"
+            text = f"{clock.name!r} is {shown(value)} at {shown(a.time)} s"
             yield text if bench.kind == "me" else warning(text)  # only SetTime is said to set it
-
-
-def shown_time(t: float) -> str:
-    """A time [s] as text with nine digits."""
-    return f"{t:.9g}"
 
 
 @check(
@@ -169,7 +164,7 @@ def shown_time(t: float) -> str:
     kinds=("cs",),
 )
 def steps(bench: Bench) -> Found:
-    bench.require(bench.interface.variable_step, "it does not support variable communication steps")
+    require(bench.interface.variable_step, "it does not support variable communication steps")
     h, watched = bench.step, [v for v in bench.watched() if v.is_float and v.causality == "output"]
     ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0]}
     # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
@@ -213,7 +208,7 @@ def steps(bench: Bench) -> Found:
 )
 def floating_point(bench: Bench) -> Found:
     before = _environment()
-    bench.fmu.dll(bench.kind)
+    bench.fmu.library(bench.kind)
     loaded = _environment()
     if loaded != before:
         yield warning(f"loading the library changes {_changed(before, loaded)}, for the whole process")
@@ -227,13 +222,7 @@ def floating_point(bench: Bench) -> Found:
 
 def _environment() -> tuple[int, bool]:
     """Rounding mode, and whether subnormal numbers are kept."""
-    library = (
-        c.CDLL("ucrtbase.dll")
-        if sys.platform == "win32"
-        else c.CDLL("libm.so.6")
-        if sys.platform == "linux"
-        else c.CDLL(None)
-    )
+    library = c.CDLL({"win32": "ucrtbase.dll", "linux": "libm.so.6"}.get(sys.platform))
     smallest = float.fromhex("0x1p-1022")
     return int(library.fegetround()), smallest / 2.0 != 0.0
 
@@ -264,8 +253,7 @@ def _growth(bench: Bench) -> float | None:
         marks.append((count, resident_memory() or 0))
     (n0, m0), (n1, m1) = marks[1], marks[-1]
     bench.measures["memory of the process"] = f"{m1 / 1e6:.0f} MB"
-    if n1 - n0 < 20:
-        raise NotApplicable("instantiation takes too long to repeat it often enough")
+    require(n1 - n0 >= 20, "instantiation takes too long to repeat it often enough")
     rate = (m1 - m0) / (n1 - n0)
     return rate if rate > 4096 and all(b[1] > a[1] for a, b in itertools.pairwise(marks)) else None
 
@@ -280,8 +268,7 @@ def _growth(bench: Bench) -> float | None:
 )
 def memory(bench: Bench) -> Found:
     bench.several()
-    if resident_memory() is None:
-        raise NotApplicable("the memory of a process cannot be read on this system")
+    require(resident_memory() is not None, "the memory of a process cannot be read on this system")
     # Some tools load and keep things with the first instances, and the system gives a process its pages when it
     # pleases; what counts is that it continues, whenever it is asked.
     rate = 0.0

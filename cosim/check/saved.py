@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
 from typing import Any
 
 from cosim.check.bench import (
@@ -10,19 +9,20 @@ from cosim.check.bench import (
     OTHER,
     Bench,
     Values,
+    all_moved,
     attempt,
     compared,
     difference,
     differs,
     disturb,
-    good,
-    moved,
     peaks,
     same,
+    shown,
     tried,
 )
-from cosim.check.calls import Instance
-from cosim.check.rules import Found, NotApplicable, check, note, warning
+from cosim.check.calls import Instance, good
+from cosim.check.rules import Found, check, note, require, warning
+from cosim.fmu.calls import name_in
 
 _SAVED2, _SAVED3 = (
     "2.1.8 Getting and Setting the Complete FMU State",
@@ -32,8 +32,9 @@ _SAVED2, _SAVED3 = (
 
 def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
     i = bench.interface
-    bench.require(
-        i.serializes if serialized else i.saves, f"it does not support {'serialized' if serialized else 'saved'} states"
+    require(
+        i.saves and (i.serializes or not serialized),
+        f"it does not support {'serialized' if serialized else 'saved'} states",
     )
     return bench.repeatable()
 
@@ -65,8 +66,7 @@ def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Val
 )
 def replay(bench: Bench) -> Found:
     straight_on = _saving(bench)[3:8]
-    if not straight_on:
-        raise NotApplicable("it asks to end the simulation after a few steps")
+    require(straight_on, "it asks to end the simulation after a few steps")
 
     def work(a: Instance) -> list[list[Values]]:
         state, known = _run_to_save(bench, a)
@@ -104,15 +104,13 @@ def with_values(bench: Bench) -> Found:
     inputs = [
         v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
     ]
-    values: Values = {v: m for v in tried(inputs) if (m := moved(v, v.starts() or ())) is not None}
-    if not values:
-        raise NotApplicable("there are no real inputs")
+    values = all_moved(tried(inputs))
+    require(values, "there are no real inputs")
 
     def work(a: Instance) -> tuple[Values, Values]:
         before = a.initialize().get(list(values))
         state = a.save()
-        if attempt(a.set, values) is None:
-            raise NotApplicable("it does not take other values")
+        require(attempt(a.set, values), "it does not take other values")
         a.restore(state)
         return before, a.get(list(values))
 
@@ -120,15 +118,10 @@ def with_values(bench: Bench) -> Found:
     for v, got in after.items():
         if not all(same(x, y) for x, y in zip(got, before[v], strict=True)):
             yield (
-                f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)}"
+                f"input {v.name!r} was {shown(before[v][0])} when the state was saved, and is {shown(got[0])}"
                 " after it was restored"
             )
             return
-
-
-def shown_value(values: list[Any]) -> str:
-    """The first of several values as text with nine digits."""
-    return f"{values[0]:.9g}"
 
 
 @check(
@@ -153,14 +146,14 @@ def several_states(bench: Bench) -> Found:
         ):
             a.restore(state)
             found.append((f"{name} is restored wrongly", [expected, a.get(watched)]))
-        a.must(f"Get{a.saved}", c.byref(early))  # into the old one
+        a.must("GetFMUState", early)  # into the old one
         a.restore(early)
         found.append(("a state saved into an existing one is restored wrongly", [at_late, a.get(watched)]))
-        a.must(f"Free{a.saved}", c.byref(early))
-        if early.value is not None:
-            found.append(f"Free{a.saved} does not set the pointer to NULL")
+        a.must("FreeFMUState", early)
+        if early[0]:
+            found.append(f"{name_in(a.version, 'FreeFMUState')} does not set the pointer to NULL")
             a._saved.remove(early)
-        a.call(f"Free{a.saved}", c.byref(c.c_void_p()))  # NULL is ignored
+        a.call("FreeFMUState", a.ffi.new("void**"))  # NULL is ignored
         return found
 
     for entry in bench.alone(work):
@@ -215,13 +208,12 @@ def serialized(bench: Bench) -> Found:
     worst="warning",
 )
 def damaged(bench: Bench) -> Found:
-    bench.require(bench.interface.serializes, "it does not support serialized states")
+    require(bench.interface.saves and bench.interface.serializes, "it does not support serialized states")
     with bench.instance() as a:
         a.initialize()
         data = a.serialize(a.save())
         for what, wrong in (("cut in half", data[: len(data) // 2]), ("empty", b"")):
-            state = c.c_void_p()
-            name = ("DeSerialize" if a.version == "2" else "Deserialize") + a.saved
-            if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
-                yield f"{name} accepts a state that is {what}"
+            name, state = "DeserializeFMUState", a.ffi.new("void**")
+            if len(wrong) < len(data) and good(a.call(name, wrong, len(wrong), state)):
+                yield f"{name_in(a.version, name)} accepts a state that is {what}"
                 return

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import time
 from collections.abc import Callable, Iterable
-from typing import Any
 
-from cosim.check.bench import Bench, good
-from cosim.check.calls import DISCARD, ERROR, FATAL, OK, Ended, EventInfo2, Instance, Refused, shown
+from cosim.check.bench import Bench
+from cosim.check.calls import Ended, Instance, Refused, good, shown
 from cosim.check.model import Var
 from cosim.check.rules import Found, check, names, note, warning
+from cosim.fmu.calls import DISCARD, ERROR, FATAL, OK, name_in, text
 
 _MACHINE2 = "3.2.3 and 4.2.4 State Machine of Calling Sequence"
 _MACHINE3 = "2.3 State Machine and Semantics; 3.2 and 4.2"
@@ -27,20 +26,18 @@ ENOUGH = 2.0  # s of steps that are enough of a life
     advice="Return the version of the header files.",
 )
 def version(bench: Bench) -> Found:
-    dll = bench.fmu.dll(bench.kind)
+    library = bench.fmu.library(bench.kind)
     for function, expected in (
         (f"fmi{bench.version}GetVersion", bench.version + ".0"),
         ("fmi2GetTypesPlatform", "default"),
     ):
-        if not hasattr(dll, function):
+        if not hasattr(library, function):
             continue
         bench.fmu.say(function)
-        f = getattr(dll, function)
-        f.restype = c.c_char_p
-        said = (f() or b"").decode("utf-8", "replace")
+        said = text(bench.fmu.ffi, getattr(library, function)())
         if said != expected:
-            text = f"{function} returns {said!r}; it must return {expected!r}"
-            yield warning(text) if said.startswith(expected) else text
+            found = f"{function} returns {said!r}; it must return {expected!r}"
+            yield warning(found) if said.startswith(expected) else found
 
 
 @check(
@@ -141,11 +138,8 @@ def _worst(statuses: Iterable[int]) -> int:
 
 def _set_inputs(bench: Bench, a: Instance) -> int:
     """Inputs to their start values; in continuous-time mode only the continuous ones may change."""
-    return _set_to_start(
-        bench,
-        a,
-        [v for v in bench.settable("input") if a.state != "continuous-time mode" or v.variability == "continuous"],
-    )
+    between = a.state != "continuous-time mode"
+    return _set_to_start(bench, a, [v for v in bench.settable("input") if between or v.variability == "continuous"])
 
 
 def _set_parameters(bench: Bench, a: Instance) -> int:
@@ -158,18 +152,17 @@ def _set_to_start(bench: Bench, a: Instance, variables: list[Var]) -> int:
 
 
 def _logging(bench: Bench, a: Instance) -> int:
-    categories = [x.encode() for x in bench.model.categories]
-    array = (c.c_char_p * max(1, len(categories)))(*categories)
-    status = a.call("SetDebugLogging", True, c.c_size_t(len(categories)), array)
-    return max(status, a.call("SetDebugLogging", False, c.c_size_t(0), None))
+    categories = [a.ffi.new("char[]", x.encode()) for x in bench.model.categories]
+    status = a.call("SetDebugLogging", True, len(categories), categories)
+    return max(status, a.call("SetDebugLogging", False, 0, None))
 
 
 def _save(bench: Bench, a: Instance) -> int:  # noqa: ARG001
-    state = c.c_void_p()
-    status = a.call(f"Get{a.saved}", c.byref(state))
+    state = a.ffi.new("void**")
+    status = a.call("GetFMUState", state)
     if good(status):
-        status = max(status, a.call(f"Set{a.saved}", state))
-        status = max(status, a.call(f"Free{a.saved}", c.byref(state)))
+        status = max(status, a.call("SetFMUState", state[0]))
+        status = max(status, a.call("FreeFMUState", state))
     return status
 
 
@@ -178,7 +171,7 @@ def _vector(name: str) -> Call:
         n = bench.model.n_indicators if name == "GetEventIndicators" else bench.model.n_states
         if n == 0:
             return 0
-        return a.call(name, (c.c_double * max(1, n))(), c.c_size_t(n))
+        return a.call(name, a.buffer("double", n), n)
 
     return call
 
@@ -188,8 +181,8 @@ def _time(bench: Bench, a: Instance) -> int:  # noqa: ARG001
 
 
 def _completed(bench: Bench, a: Instance) -> int:  # noqa: ARG001
-    enter, ends = a.fmu.flag(), a.fmu.flag()
-    return a.call("CompletedIntegratorStep", True, c.byref(enter), c.byref(ends))
+    _values, flags = a.flags(2)
+    return a.call("CompletedIntegratorStep", True, *flags)
 
 
 def _directional(bench: Bench, a: Instance) -> int:
@@ -205,9 +198,7 @@ def _directional(bench: Bench, a: Instance) -> int:
 
 
 def _events(bench: Bench, a: Instance) -> int:  # noqa: ARG001
-    if a.version == "2":
-        return a.call("NewDiscreteStates", c.byref(EventInfo2()))
-    return a.call("UpdateDiscreteStates", *[c.byref(c.c_bool()) for _ in range(5)], c.byref(c.c_double()))
+    return a.update_discrete_states()[0]
 
 
 def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
@@ -224,14 +215,13 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
         ("SetDebugLogging", ANY, _logging),
     ]
     if i.saves:
-        found.append((f"Get, Set and Free of the {'FMUstate' if bench.version == '2' else 'FMUState'}", ANY, _save))
+        found.append((f"Get, Set and Free of the {name_in(bench.version, 'FMUState')}", ANY, _save))
     if i.directional:
         found.append(("GetDirectionalDerivative", (*READ[:1], *RUNNING), _directional))
     if me:
-        get = "GetDerivatives" if bench.version == "2" else "GetContinuousStateDerivatives"
         evaluated = ("initialization mode", "event mode", "continuous-time mode")
         vectors = {
-            get: evaluated,
+            name_in(bench.version, "GetContinuousStateDerivatives"): evaluated,
             "GetContinuousStates": evaluated,
             "GetNominalsOfContinuousStates": evaluated[1:],
             "GetEventIndicators": evaluated,
@@ -239,7 +229,7 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
         found += [
             *((name, where, _vector(name)) for name, where in vectors.items()),
             ("SetTime", ("continuous-time mode",), _time),
-            ("NewDiscreteStates" if bench.version == "2" else "UpdateDiscreteStates", ("event mode",), _events),
+            (name_in(bench.version, "UpdateDiscreteStates"), ("event mode",), _events),
         ]
         if i.wants_completed_steps(bench.version):
             found.append(("CompletedIntegratorStep", ("continuous-time mode",), _completed))
@@ -378,9 +368,7 @@ def wrong_steps(bench: Bench) -> Found:
 )
 def free_null(bench: Bench) -> Found:
     with bench.instance() as a:
-        free = a.raw("FreeInstance")
-        free.restype = None
-        free(None)
+        a.raw("FreeInstance")(a.ffi.NULL)
     yield from ()
 
 
@@ -394,17 +382,15 @@ def free_null(bench: Bench) -> Found:
 )
 def null_arguments(bench: Bench) -> Found:
     floats = "Real" if bench.version == "2" else "Float64"
-    one = c.c_size_t(1)
-    tail: tuple[Any, ...] = () if bench.version == "2" else (one,)
     with bench.instance() as a:
         put_into(a, "step mode" if bench.kind == "cs" else "continuous-time mode")
-        room = (c.c_double * 1)()
-        reference = (c.c_uint32 * 1)(next((v.reference or 0 for v in bench.watched() if v.access == floats), 0))
-        a.call(f"Get{floats}", reference, one, None, *tail)
-        a.call(f"Get{floats}", None, one, room, *tail)
-        a.call(f"Set{floats}", None, one, room, *tail)
-        nonsense = (c.c_char_p * 1)(b"no category, %s %n")
-        a.call("SetDebugLogging", True, one, nonsense)
+        values = a.buffer("double", 1)
+        reference = a.references([v for v in bench.watched() if v.access == floats][:1]) or [0]
+        a.transfer(f"Get{floats}", reference, 1, None, 1)
+        a.transfer(f"Get{floats}", None, 1, values, 1)
+        a.transfer(f"Set{floats}", None, 1, values, 1)
+        nonsense = a.ffi.new("char[]", b"no category, %s %n")
+        a.call("SetDebugLogging", True, 1, [nonsense])
     yield from ()
 
 

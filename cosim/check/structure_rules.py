@@ -30,15 +30,9 @@ def structure(file: File) -> Found:
     listed = {u.key for u in m.structure if u.group == "Output"}
     missing = [v.name for k, v in outputs.items() if k not in listed]
     if missing:
-        yield (
-            f"outputs {names(missing)} are not among the Outputs of ModelStructure"
-            if len(missing) > 1
-            else f"output {missing[0]!r} is not among the Outputs of ModelStructure"
-        )
-    for u in m.structure:
-        v = m.by_key.get(u.key)  # type: ignore[arg-type]
-        if v is None:
-            continue
+        which = f"outputs {names(missing)} are" if len(missing) > 1 else f"output {missing[0]!r} is"
+        yield f"{which} not among the Outputs of ModelStructure"
+    for u, v in m.unknowns():
         if u.group == "Output" and v.causality != "output":
             yield u.line, f"{v.name!r} is among the Outputs of ModelStructure, but is not an output"
         if u.group == "Derivative":
@@ -103,14 +97,8 @@ def _unknowns_of_initialization(m: Model) -> Found:
     calculated += continuous
     if m.version == "2":
         may = {m.key(v) for v in calculated}
-        found = [
-            m.by_key[u.key].name
-            for u in m.structure
-            if u.group == "InitialUnknown"
-            and u.key in m.by_key
-            and u.key not in may
-            and m.by_key[u.key].causality in ("output", "local")
-        ]
+        listed_too = (v for u, v in m.unknowns("InitialUnknown") if u.key not in may)
+        found = [v.name for v in listed_too if v.causality in ("output", "local")]
         if found:
             is_ = "are" if len(found) > 1 else "is"
             yield warning(
@@ -165,17 +153,10 @@ def dependencies(file: File) -> Found:
                         f"{name!r} depends on {known.name!r} in initialization, which is itself calculated there",
                     )
                 continue
-            if (
-                known.causality in ("parameter", "structuralParameter")
-                and known.variability == "tunable"
-                and m.version == "3"
-            ):
+            tunable = known.causality in ("parameter", "structuralParameter") and known.variability == "tunable"
+            if m.version == "3" and (tunable or u.group == "ClockedState"):
                 continue
-            if (
-                known.type == "Clock"
-                or (m.version == "3" and u.group == "ClockedState")
-                or known.variability == "discrete"
-            ):
+            if known.type == "Clock" or known.variability == "discrete":
                 continue
             text = (
                 f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is not a known"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import math
 from typing import Any
 
-from cosim.check.bench import Bench, Values, attempt, compared, difference, good, moved, same, shown, tried
-from cosim.check.calls import Ended, Instance, Refused
+from cosim.check.bench import Bench, Values, all_moved, attempt, compared, difference, moved, same, shown, tried
+from cosim.check.calls import Ended, Instance, Refused, good
 from cosim.check.model import Var
-from cosim.check.rules import Found, NotApplicable, check, names, warning
+from cosim.check.rules import Found, check, names, require, warning
 
 _VALUES2 = "2.1.7 Getting and Setting Variable Values"
 _VALUES3 = "2.2.6.2 Getting and Setting Variable Values"
@@ -70,11 +69,8 @@ def _not_at_start(values: Values) -> Found:
 def set_and_read(bench: Bench) -> Found:
     inputs = tried(bench.settable("input"), 60)
     floats = [v for v in bench.settable("parameter") if v.is_float]
-    before: Values = {
-        v: m for v in [*tried(floats, 40), *inputs] if (m := moved(v, v.starts() or (), 1e-3)) is not None
-    }
-    if not before:
-        raise NotApplicable("there is nothing to set")
+    before = all_moved([*tried(floats, 40), *inputs], 1e-3)
+    require(before, "there is nothing to set")
 
     def lost(values: Values, *, running: bool = False, set_after_setup: bool = False) -> dict[Var, str] | None:
         """What is not kept, in words; None: the FMU does not take these values."""
@@ -125,14 +121,13 @@ def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
 )
 def set_discrete(bench: Bench) -> Found:
     candidates = [v for v in bench.settable("input", "parameter") if not v.is_float]
-    if not candidates:
-        raise NotApplicable("there are no integers or Booleans to set")
+    require(candidates, "there are no integers or Booleans to set")
 
     def read(a: Instance, v: Var, value: list[Any]) -> list[Any] | None:
         return a.get([v])[v] if attempt(a.enter_initialization, {v: value}) is not None else None
 
     for v in tried(candidates):
-        value = moved(v, v.starts() or ())
+        value = moved(v)
         if value is None:
             continue
         got = bench.alone(read, v, value)
@@ -149,7 +144,7 @@ def set_discrete(bench: Bench) -> Found:
 )
 def reset(bench: Bench) -> Found:
     floats = [v for v in bench.settable("parameter", "input") if v.is_float]
-    values: Values = {v: m for v in tried(floats, 40) if (m := moved(v, v.starts() or (), 1e-3)) is not None}
+    values = all_moved(tried(floats, 40), 1e-3)
 
     def after_reset(a: Instance) -> Values:
         attempt(a.initialize, values)
@@ -174,8 +169,7 @@ def reset(bench: Bench) -> Found:
 def effect(bench: Bench) -> Found:
     base = bench.repeatable()
     parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
-    if not parameters:
-        raise NotApplicable("there are no parameters to set")
+    require(parameters, "there are no parameters to set")
 
     def after_reset(a: Instance, values: Values) -> list[Values] | None:
         attempt(lambda: bench.run(a.initialize()))
@@ -183,7 +177,7 @@ def effect(bench: Bench) -> Found:
         return attempt(lambda: bench.run(a.initialize(values)))  # type: ignore[no-any-return]
 
     for v in parameters:
-        values = moved(v, v.starts() or ())
+        values = moved(v)
         if values is None:
             continue
         fresh = attempt(bench.fresh, {v: values})
@@ -255,9 +249,7 @@ def unknown(bench: Bench) -> Found:
     nobodys = next(r for r in range(2**20, 2**32) if all(r not in u for u in used.values()))
 
     def takes(a: Instance, reference: int, function: str) -> bool:
-        room, one = (c.c_double * 1)(), c.c_size_t(1)
-        count = () if bench.version == "2" else (one,)
-        return good(a.initialize().call(function, (c.c_uint32 * 1)(reference), one, room, *count))
+        return good(a.initialize().transfer(function, [reference], 1, a.buffer("double", 1), 1))
 
     taken = [
         f"{function} of value reference {reference}"
@@ -287,8 +279,7 @@ def unknown(bench: Bench) -> Found:
 def extreme(bench: Bench) -> Found:
     inputs = [v for v in bench.settable("input") if v.is_float]
     parameters = [v for v in bench.settable("parameter") if v.is_float]
-    if not inputs and not parameters:
-        raise NotApplicable("there are no real inputs or parameters")
+    require(inputs or parameters, "there are no real inputs or parameters")
     tries: list[tuple[list[Var], float]] = [(inputs, x) for x in (math.nan, math.inf, -1e300)]
     tries += [(tried(parameters, 2), x) for x in (math.nan, math.inf)]
 
@@ -324,15 +315,14 @@ def in_range(bench: Bench) -> Found:
         for v, got in values.items():
             if v.name in seen or not v.is_number:
                 continue
+            low, high = v.bounds
             for x in got:
                 margin = 1e-6 * max(abs(v.low or 0.0), abs(v.high or 0.0), v.nominal or 0.0) if v.is_float else 0
                 if v.is_float and not math.isfinite(x):
                     seen.add(v.name)
                     yield warning(f"{v.name!r} is {shown(x)} with start values")
                     break
-                if (v.low is not None and x < v.low - margin) or (v.high is not None and x > v.high + margin):
+                if x < low - margin or x > high + margin:
                     seen.add(v.name)
-                    limits = f"{-math.inf if v.low is None else v.low:g} to {math.inf if v.high is None else v.high:g}"
-                    text = f"{v.name!r} is {shown(x)}, outside of its range {limits}"
-                    yield warning(text)
+                    yield warning(f"{v.name!r} is {shown(x)}, outside of its range {low:g} to {high:g}")
                     break

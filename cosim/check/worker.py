@@ -35,7 +35,7 @@ from typing import Any, BinaryIO
 from build_fmus.base.checks import plain
 from cosim.check import derivatives, model_exchange_rules, references, runs, saved, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
-from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
+from cosim.check.calls import Ended, Fmu, Refused
 from cosim.check.model import Model
 from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 from cosim.core.memory import resident_memory
@@ -150,10 +150,10 @@ def execute(job: Job, say: Any = None) -> Answer:
     except Ended:
         answer.inapplicable = "the FMU asks to end the simulation"
     except Refused as refused:
-        if refused.status == DISCARD:
+        if refused.status == calls.DISCARD:
             answer.inapplicable = str(refused)
         else:
-            answer.findings.append(Finding(str(refused), check.worst if refused.status != FATAL else "error"))
+            answer.findings.append(Finding(str(refused), check.worst if refused.status != calls.FATAL else "error"))
     except MemoryError:
         answer.inapplicable = "it needs more memory than this process can have"
     except OSError as error:

@@ -170,16 +170,10 @@ class BoundInstance(FmuInstance):
         pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
         references = ffi.new("VR[]", list(how.arrays))
         self._keep += [data, references]
-        function = f"{direction}{self._functions.get(how.fmi_type, how.fmi_type)}"
+        function = f"{direction}{fmi.accessed_as(self.fmu.major, how.fmi_type)}"
         arguments = (references, len(how.arrays), pointer, *((total,) if v3 else ()))
-        bare, fail = self._function(function), self._fail
-        call = partial(bare, self._instance, *arguments)
-        warning = fmi.WARNING
-
-        def direct() -> None:
-            status = call()
-            if status > warning:
-                fail(function, status)
+        bare = self._function(function)
+        direct = self._checked(partial(bare, self._instance, *arguments), function)
 
         def scatter() -> None:
             data[element] = buffer[place]
@@ -189,13 +183,8 @@ class BoundInstance(FmuInstance):
             direct()
             buffer[place] = data[element]
 
-        if direction == "Set" and how.keeps:  # elements of an array that nobody drives keep their values
-
-            def keep() -> None:
-                data[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
-
-            keep()
-            self._kept.append(keep)
+        if direction == "Set" and how.keeps:
+            self._keep_elements(how, data)
         transfer = Transfer(
             function,
             self._address(bare),
@@ -217,23 +206,31 @@ class BoundInstance(FmuInstance):
                 raise CosimError(
                     f"'{self.name}': {', '.join(names)}: connect all elements of an array of texts, or none"
                 )
-
-            def keep() -> None:
-                call.values[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
-
-            keep()
-            self._kept.append(keep)
+            self._keep_elements(how, call.values)
         self._exact.append(call)
         function = f"{direction}{how.fmi_type}"
         move = call.bound(self._address(self._function(function)), self.address)
+        return _Bound(self._checked(move, function), call.transfer(function))
+
+    def _checked(self, call: Callable[[], int], function: str) -> Action:
+        """A call that raises the exception for its failure."""
         fail, warning = self._fail, fmi.WARNING
 
         def checked() -> None:
-            status = move()
+            status = call()
             if status > warning:
                 fail(function, status)
 
-        return _Bound(checked, call.transfer(function))
+        return checked
+
+    def _keep_elements(self, how: Arrangement, values: Any) -> None:
+        """Let elements of an array that nobody drives keep their values."""
+
+        def keep() -> None:
+            values[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
+
+        keep()
+        self._kept.append(keep)
 
     # Steps.
 

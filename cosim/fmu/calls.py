@@ -22,40 +22,7 @@ from cosim.core.errors import FmuError
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 
-_FMI2 = """
-typedef void* Component; typedef unsigned int VR; typedef unsigned int Status; typedef int Boolean;
-typedef struct { void* logger; void* allocate; void* release; void* finished; void* environment; } Callbacks;
-Component fmi2Instantiate(const char*, int, const char*, const char*, const Callbacks*, Boolean, Boolean);
-void fmi2FreeInstance(Component);
-Status fmi2SetDebugLogging(Component, Boolean, size_t, const char* const*);
-Status fmi2SetupExperiment(Component, Boolean, double, double, Boolean, double);
-Status fmi2EnterInitializationMode(Component);
-Status fmi2ExitInitializationMode(Component);
-Status fmi2Terminate(Component);
-Status fmi2Reset(Component);
-Status fmi2GetReal(Component, const VR*, size_t, double*);
-Status fmi2GetInteger(Component, const VR*, size_t, int*);
-Status fmi2GetBoolean(Component, const VR*, size_t, Boolean*);
-Status fmi2GetString(Component, const VR*, size_t, const char**);
-Status fmi2SetReal(Component, const VR*, size_t, const double*);
-Status fmi2SetInteger(Component, const VR*, size_t, const int*);
-Status fmi2SetBoolean(Component, const VR*, size_t, const Boolean*);
-Status fmi2SetString(Component, const VR*, size_t, const char* const*);
-Status fmi2GetFMUstate(Component, void**);
-Status fmi2SetFMUstate(Component, void*);
-Status fmi2FreeFMUstate(Component, void**);
-Status fmi2SerializedFMUstateSize(Component, void*, size_t*);
-Status fmi2SerializeFMUstate(Component, void*, char*, size_t);
-Status fmi2DeSerializeFMUstate(Component, const char*, size_t, void**);
-Status fmi2GetDirectionalDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, double*);
-Status fmi2DoStep(Component, double, double, Boolean);
-Status fmi2GetRealStatus(Component, int, double*);
-Status fmi2GetBooleanStatus(Component, int, Boolean*);
-Status fmi2GetStringStatus(Component, int, const char**);
-void* calloc(size_t, size_t);
-void free(void*);
-"""
-
+_TYPES2 = {"Real": "double", "Integer": "int", "Boolean": "int", "String": "const char*"}
 _TYPES3 = {
     "Float64": "double",
     "Float32": "float",
@@ -71,35 +38,60 @@ _TYPES3 = {
     "String": "const char*",
 }
 
+_BOTH = """
+typedef void* Component; typedef uint32_t VR; typedef unsigned int Status; typedef {Boolean} Boolean;
+void fmi{v}FreeInstance(Component);
+Status fmi{v}SetDebugLogging(Component, Boolean, size_t, const char* const*);
+Status fmi{v}ExitInitializationMode(Component);
+Status fmi{v}Terminate(Component);
+Status fmi{v}Reset(Component);
+Status fmi{v}GetFMU{State}(Component, void**);
+Status fmi{v}SetFMU{State}(Component, void*);
+Status fmi{v}FreeFMU{State}(Component, void**);
+Status fmi{v}SerializedFMU{State}Size(Component, void*, size_t*);
+Status fmi{v}SerializeFMU{State}(Component, void*, char*, size_t);
+Status fmi{v}{Deserialize}FMU{State}(Component, const char*, size_t, void**);
+"""
+
+
+def _common(v: int, types: dict[str, str], **words: str) -> str:
+    """What FMI 2.0 and 3.0 have alike, and the functions that access values of each type."""
+    size = ", size_t" if v == 3 else ""
+    access = (
+        f"Status fmi{v}Get{name}(Component, const VR*, size_t, {c}*{size});\n"
+        f"Status fmi{v}Set{name}(Component, const VR*, size_t, {c} const*{size});\n"
+        for name, c in types.items()
+    )
+    return _BOTH.format(v=v, Boolean=types["Boolean"], **words) + "".join(access)
+
+
+_FMI2 = (
+    _common(2, _TYPES2, State="state", Deserialize="DeSerialize")
+    + """
+typedef struct { void* logger; void* allocate; void* release; void* finished; void* environment; } Callbacks;
+Component fmi2Instantiate(const char*, int, const char*, const char*, const Callbacks*, Boolean, Boolean);
+Status fmi2SetupExperiment(Component, Boolean, double, double, Boolean, double);
+Status fmi2EnterInitializationMode(Component);
+Status fmi2GetDirectionalDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, double*);
+Status fmi2DoStep(Component, double, double, Boolean);
+Status fmi2GetRealStatus(Component, int, double*);
+Status fmi2GetBooleanStatus(Component, int, Boolean*);
+Status fmi2GetStringStatus(Component, int, const char**);
+void* calloc(size_t, size_t);
+void free(void*);
+"""
+)
 _FMI3 = (
-    """
-typedef void* Component; typedef uint32_t VR; typedef unsigned int Status;
+    _common(3, _TYPES3, State="State", Deserialize="Deserialize")
+    + """
 Component fmi3InstantiateCoSimulation(const char*, const char*, const char*, bool, bool, bool, bool, const VR*, size_t,
                                       void*, void*, void*);
-void fmi3FreeInstance(Component);
-Status fmi3SetDebugLogging(Component, bool, size_t, const char* const*);
 Status fmi3EnterInitializationMode(Component, bool, double, double, bool, double);
-Status fmi3ExitInitializationMode(Component);
-Status fmi3Terminate(Component);
-Status fmi3Reset(Component);
-Status fmi3GetFMUState(Component, void**);
-Status fmi3SetFMUState(Component, void*);
-Status fmi3FreeFMUState(Component, void**);
-Status fmi3SerializedFMUStateSize(Component, void*, size_t*);
-Status fmi3SerializeFMUState(Component, void*, char*, size_t);
-Status fmi3DeserializeFMUState(Component, const char*, size_t, void**);
+Status fmi3GetBinary(Component, const VR*, size_t, size_t*, const uint8_t**, size_t);
+Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t* const*, size_t);
 Status fmi3GetDirectionalDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, size_t, double*,
                                     size_t);
 Status fmi3DoStep(Component, double, double, bool, bool*, bool*, bool*, double*);
-"""
-    + "".join(
-        f"Status fmi3Get{name}(Component, const VR*, size_t, {c}*, size_t);\n"
-        f"Status fmi3Set{name}(Component, const VR*, size_t, {c} const*, size_t);\n"
-        for name, c in _TYPES3.items()
-    )
-    + """
-Status fmi3GetBinary(Component, const VR*, size_t, size_t*, const uint8_t**, size_t);
-Status fmi3SetBinary(Component, const VR*, size_t, const size_t*, const uint8_t* const*, size_t);
 """
 )
 
@@ -125,24 +117,31 @@ Status fmi{v}Get{derivatives}(Component, double*, size_t);
 Status fmi{v}GetEventIndicators(Component, double*, size_t);
 Status fmi{v}GetNominalsOfContinuousStates(Component, double*, size_t);
 Status fmi{v}EnterContinuousTimeMode(Component);
+Status fmi{v}CompletedIntegratorStep(Component, Boolean, Boolean*, Boolean*);
 """  # what is called by `engine/integrator.c`
 _EXCHANGE2 = (
     _EXCHANGE.format(v=2, derivatives="Derivatives")
     + """
 Status fmi2EnterEventMode(Component);
-Status fmi2NewDiscreteStates(Component, void*);
-Status fmi2CompletedIntegratorStep(Component, Boolean, Boolean*, Boolean*);
+typedef struct { Boolean again, ends, nominals, values, timed; double next; } EventInfo;
+Status fmi2NewDiscreteStates(Component, EventInfo*);
 """
 )
 _EXCHANGE3 = (
     _EXCHANGE.format(v=3, derivatives="ContinuousStateDerivatives")
     + """
 Component fmi3InstantiateModelExchange(const char*, const char*, const char*, bool, bool, void*, void*);
-Status fmi3CompletedIntegratorStep(Component, bool, bool*, bool*);
 Status fmi3GetNumberOfContinuousStates(Component, size_t*);
 Status fmi3GetNumberOfEventIndicators(Component, size_t*);
 """
 )
+
+_CHECKED2 = "const char* fmi2GetVersion(void); const char* fmi2GetTypesPlatform(void);"
+_CHECKED3 = """
+const char* fmi3GetVersion(void);
+Status fmi3GetAdjointDerivative(Component, const VR*, size_t, const VR*, size_t, const double*, size_t, double*,
+                                size_t);
+"""  # what is called by `cosim check` only
 
 _parsed: dict[str, cffi.FFI] = {}
 
@@ -151,7 +150,7 @@ def ffi_of(version: str) -> cffi.FFI:
     """Types and functions of an FMI version, "2" or "3"; parsed when the first FMU of this version is opened."""
     if version not in _parsed:
         ffi = cffi.FFI()
-        ffi.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3 if version == "3" else _FMI2 + _EXCHANGE2)
+        ffi.cdef(_FMI3 + _EVENTS3 + _EXCHANGE3 + _CHECKED3 if version == "3" else _FMI2 + _EXCHANGE2 + _CHECKED2)
         _parsed.setdefault(version, ffi)  # all threads use the same types
     return _parsed[version]
 
@@ -175,7 +174,7 @@ def close(ffi: cffi.FFI, library: Any) -> None:
 
 
 # FMI type -> C type of one value, for buffers.
-C_TYPES2 = {"Real": "double", "Integer": "int", "Enumeration": "int", "Boolean": "int", "String": "const char*"}
+C_TYPES2 = {**_TYPES2, "Enumeration": "int"}
 C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t", "Binary": "const uint8_t*"}
 
 
@@ -198,15 +197,16 @@ DTYPES = {
     "int64_t": np.int64,
     "uint64_t": np.uint64,
 }
-FUNCTION2 = {"Enumeration": "Integer"}
-FUNCTION3 = {"Enumeration": "Int64"}
+
+
+def accessed_as(version: str, fmi_type: str) -> str:
+    """The type by whose functions values of a type are set and read."""
+    return {"2": "Integer", "3": "Int64"}[version] if fmi_type == "Enumeration" else fmi_type
+
 
 # Without these nothing runs; what else is missing is named when it is called.
 _REQUIRED = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset")
-_REQUIRED_EXCHANGE = {
-    "2": ("SetTime", "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode"),
-    "3": ("SetTime", "EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode"),
-}
+_REQUIRED_EXCHANGE = ("SetTime", "EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode")
 
 Log = Callable[[int, str, str], None]  # (status, category, message)
 Intermediate = tuple[int, int, Sequence[int]]
@@ -225,12 +225,18 @@ def platform_folder(version: str) -> tuple[str, str]:
     return two.get((machine, system), f"{machine}-{system}"), suffix
 
 
+def library_path(version: str, identifier: str) -> str:
+    """Path of this machine's library in an archive."""
+    folder, suffix = platform_folder(version)
+    return f"binaries/{folder}/{identifier}{suffix}"
+
+
 def required(version: str, interface: str) -> list[str]:
     """Names of the C functions that every FMU must have to be run by an interface ("cs" or "me")."""
     kind = "ModelExchange" if interface == "me" else "CoSimulation"
     more = (f"Instantiate{kind}",) if version == "3" else ("Instantiate", "SetupExperiment")
-    own = _REQUIRED_EXCHANGE[version] if interface == "me" else ("DoStep",)
-    return [f"fmi{version}{name}" for name in (*more, *_REQUIRED, *own)]
+    own = _REQUIRED_EXCHANGE if interface == "me" else ("DoStep",)
+    return [full_name(version, name) for name in (*more, *_REQUIRED, *own)]
 
 
 def declared(version: str, interface: str) -> list[str]:
@@ -241,11 +247,19 @@ def declared(version: str, interface: str) -> list[str]:
     return re.findall(rf"\bfmi{version}\w+(?=\()", text)
 
 
+_NAMES2 = {"GetContinuousStateDerivatives": "GetDerivatives", "UpdateDiscreteStates": "NewDiscreteStates"}
+
+
+def name_in(version: str, name: str) -> str:
+    """The name of a function of FMI 3.0 in a version, without prefix. FMI 2.0 also writes FMUstate and DeSerialize."""
+    if version == "3":
+        return name
+    return _NAMES2.get(name, name).replace("FMUState", "FMUstate").replace("Deserialize", "DeSerialize")
+
+
 def full_name(version: str, name: str) -> str:
-    """The full name of a function of FMI. FMI 2.0 writes FMUstate and DeSerialize."""
-    if version == "2":
-        name = name.replace("FMUState", "FMUstate").replace("Deserialize", "DeSerialize")
-    return f"fmi{version}{name}"
+    """The same with its prefix."""
+    return f"fmi{version}{name_in(version, name)}"
 
 
 def function(version: str, library: Any, name: str) -> Callable[..., int]:

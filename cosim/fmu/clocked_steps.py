@@ -17,6 +17,7 @@ from cosim.core.errors import CallFailed, CosimError, FmuError
 from cosim.core.signals import Array
 from cosim.engine.library import engine_transfers, interface, library
 from cosim.fmu.calls import WARNING
+from cosim.fmu.driver import Driver
 from cosim.fmu.transfers import Arrangement, arrangements, slots, sources
 
 _KINDS = {"triggered": 1, "constant": 2, "fixed": 2, "tunable": 3, "changing": 4, "countdown": 5}  # `ClockKind`
@@ -150,11 +151,12 @@ def _packed(variable: Variable, value: Any, n: int, size: int) -> list[float]:
     return [first, *np.frombuffer(data.ljust(4 * n - 4, b"\0"), dtype="<u4").tolist()]
 
 
-class ClockedSteps:
+class ClockedSteps(Driver):
     """The steps of one instance."""
 
     def __init__(self, component: Any):
-        self.component, self._ffi, self._library = component, interface(), library()
+        super().__init__()
+        self.component = component
         self._calls = self._library.cosim_clocked_calls()
         self._handle = self._ffi.new_handle(component)
         self.values: ClockedValues
@@ -163,12 +165,6 @@ class ClockedSteps:
         self._kept: list[Any] = []
         self._u = self._y = np.zeros(0)
 
-    def _pointer(self, address: int) -> Any:
-        return self._ffi.cast("void*", address)
-
-    def _address(self, pointer: Any) -> int:
-        return int(self._ffi.cast("uintptr_t", pointer))
-
     @property
     def stepping(self) -> bool:
         """Whether initialization is over."""
@@ -176,13 +172,7 @@ class ClockedSteps:
 
     @property
     def step(self) -> tuple[Any, Any]:
-        """The step function and its first argument, for Python."""
         return self._calls.step, self.fmu
-
-    @property
-    def addresses(self) -> tuple[int, int]:
-        """The same as addresses."""
-        return self._address(self._calls.step), self._address(self.fmu)
 
     @property
     def changed(self) -> int:

@@ -16,8 +16,8 @@ from cosim.core.component import Action, Transfer
 from cosim.core.description import Description
 from cosim.core.errors import CallFailed, CosimError
 from cosim.core.time import seconds_text
-from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING
+from cosim.fmu.driver import Driver
 from cosim.fmu.intermediate import IntermediateUpdates
 from cosim.fmu.model_exchange import Instance
 
@@ -30,12 +30,12 @@ def steps_with_events(about: Description) -> bool:
     return divided and not about.clocks and about.interface == "cs"
 
 
-class EventSteps:
+class EventSteps(Driver):
     """The steps of one instance."""
 
     def __init__(self, component: Instance, updates: IntermediateUpdates | None = None):
-        self._component, self._ffi, self._library = component, interface(), library()
-        about, ffi = component.description, self._ffi
+        super().__init__()
+        self._component, about, ffi = component, component.description, self._ffi
         self._steps = steps = ffi.new("EventSteps*")
         steps.instance = self._pointer(component._address(component._instance))
         steps.event_mode, steps.variable_step = about.event_mode, about.variable_step
@@ -48,9 +48,6 @@ class EventSteps:
         self._kept: list[Any] = []
         self._before = np.zeros(0, dtype=np.uint8)
 
-    def _pointer(self, address: int) -> Any:
-        return self._ffi.cast("void*", address)
-
     @property
     def stepping(self) -> bool:
         """Whether initialization is over."""
@@ -58,19 +55,7 @@ class EventSteps:
 
     @property
     def step(self) -> tuple[Any, Any]:
-        """The step function and its first argument, for Python."""
         return self._library.cosim_event_steps_step, self._steps
-
-    @property
-    def addresses(self) -> tuple[int, int]:
-        """The same as addresses."""
-        return self._address(self._function("step")), self._address(self._steps)
-
-    def _function(self, name: str) -> Any:
-        return self._ffi.addressof(self._library, f"cosim_event_steps_{name}")
-
-    def _address(self, pointer: Any) -> int:
-        return int(self._ffi.cast("uintptr_t", pointer))
 
     def bind(self, discrete: Sequence[Transfer]) -> list[Transfer]:
         """Transfers of discrete inputs that wait for event mode once initialization is over."""
@@ -85,7 +70,8 @@ class EventSteps:
             one.references, one.n_references = ffi.cast("uint32_t*", t.references), t.n_references
             one.data, one.n_data, one.size = self._pointer(t.data.ctypes.data), len(t.data), size
             one.before, at = self._pointer(self._before.ctypes.data + at), at + size
-            bound.append(replace(t, call=self._address(self._function("set")), references=self._address(inputs + i)))
+            call = self._address(self._library.cosim_event_steps_set)
+            bound.append(replace(t, call=call, references=self._address(inputs + i)))
         self._steps.inputs, self._steps.n_inputs = inputs, len(discrete)
         return bound
 

@@ -23,9 +23,10 @@ from cosim.core.terminals import Terminal
 from cosim.fmu import terminals_file, validation
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.find import find
+from cosim.fmu.interface import INTERFACES, NAMES
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
-from cosim.fmu.model_description import INTERFACES, NAMES, read
+from cosim.fmu.model_description import read
 from cosim.fmu.xml import tree
 
 
@@ -54,20 +55,15 @@ class Library:
         texts: tuple[str, str, str],
         log: fmi.Log,
         keep: list[Any],
-        *,
-        event_mode: bool = False,
-        early_return: bool = False,
-        intermediate: fmi.Intermediate | None = None,
+        **how: Any,
     ) -> Any:
         """Create an instance, or return NULL.
 
         `texts` = name, token, folder of resources in the form of its FMI version; objects that must outlive the
-        instance are put into `keep`. `event_mode`, `early_return` (it is allowed) and `intermediate`
-        are for FMI 3.0.
+        instance are put into `keep`. `how`: for FMI 3.0, see `instantiate3`.
         """
         if self._version == "3":
-            events = {"event_mode": event_mode, "early_return": early_return}
-            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **events, intermediate=intermediate)
+            return fmi.instantiate3(self.handle, texts, log, keep, self._interface, **how)
         return fmi.instantiate2(self.handle, fmi.c_library(), texts, log, keep, self._interface)
 
     def release(self) -> None:
@@ -204,8 +200,7 @@ class FmuFile:
     @property
     def binary(self) -> str:
         """Path of this platform's library inside the archive."""
-        folder, suffix = fmi.platform_folder(self.major)
-        return f"binaries/{folder}/{self.description.identifier}{suffix}"
+        return fmi.library_path(self.major, self.description.identifier)
 
     def files(self, below: str = "") -> dict[str, bytes]:
         """Its files by path; those in the folder `below` (`"sources/"`) by their path in that.

@@ -23,6 +23,7 @@ from cosim.core.errors import (
     WiringError,
 )
 from cosim.fmu.clocked_steps import ClockedSteps, refusal
+from cosim.fmu.driver import Driver
 from cosim.fmu.environment import what_changed
 from cosim.fmu.event_steps import EventSteps
 from cosim.fmu.exact_values import ExactCall
@@ -57,7 +58,6 @@ class FmuInstance:
         self._ffi = fmu._ffi
         self._v3 = fmu.major == "3"
         self._c_types = fmi.c_types(int(fmu.major))
-        self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
         self.foreign = False  # another's, in this process
         self._restore = nothing_to_restore
         self._reported: set[int] = set()  # changes of the floating-point environment that were told
@@ -96,7 +96,7 @@ class FmuInstance:
         )
 
     @property
-    def _driver(self) -> Integration | ClockedSteps | EventSteps | IntermediateUpdates | None:
+    def _driver(self) -> Driver | None:
         """What steps it instead of itself, in this process: its integrator, or what divides steps or sets inputs."""
         own = self.integration if self.integration is not None and self.integration.here else None
         return own or self.clocked or self._event_steps or self._intermediate
@@ -331,7 +331,7 @@ class FmuInstance:
         else:
             buffer = ffi.new(f"{c_type}[]", [int(x) for x in data])
         detail = f"{name} = {data[0] if len(data) == 1 else data}"
-        function = f"Set{self._functions.get(fmi_type, fmi_type)}"
+        function = f"Set{fmi.accessed_as(self.fmu.major, fmi_type)}"
         counts = (len(data),) if self._v3 else ()
         self._must(function, ffi.new("VR[]", [reference]), 1, *before, buffer, *counts, detail=detail[:200])
 
@@ -341,7 +341,7 @@ class FmuInstance:
     def _get_raw(self, fmi_type: str, references: list[int], size: int) -> list[Any]:
         ffi = self._ffi
         buffer = ffi.new(f"{self._c_types[fmi_type]}[]", size)
-        function = f"Get{self._functions.get(fmi_type, fmi_type)}"
+        function = f"Get{fmi.accessed_as(self.fmu.major, fmi_type)}"
         sizes = (ffi.new("size_t[]", size),) if fmi_type == "Binary" else ()
         counts = (size,) if self._v3 else ()
         self._must(function, ffi.new("VR[]", references), len(references), *sizes, buffer, *counts)

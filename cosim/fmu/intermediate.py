@@ -17,8 +17,8 @@ from cosim.core.component import Action
 from cosim.core.description import Description, Variable
 from cosim.core.errors import CallFailed, FmuWarning
 from cosim.core.time import seconds_text
-from cosim.engine.library import interface, library
 from cosim.fmu.calls import Intermediate
+from cosim.fmu.driver import Driver
 from cosim.fmu.isolation import IsolatedLibrary
 from cosim.fmu.model_exchange import Instance
 from cosim.fmu.transfers import by_reference, slots, sources
@@ -58,11 +58,12 @@ def following(inputs: Sequence[Variable], places: Mapping[int, Variable], extrap
     return replace(found, n=at)
 
 
-class IntermediateUpdates:
+class IntermediateUpdates(Driver):
     """The inputs of one instance that follow inside its steps; made before the instance, which gets its address."""
 
     def __init__(self, inputs: Sequence[Variable]):
-        self._ffi, self._library, self._inputs = interface(), library(), inputs
+        super().__init__()
+        self._inputs = inputs
         self._steps = self._ffi.new("IntermediateStep*")
         self._line = np.zeros(2 + 3 * len(inputs))
         self._references, self._element = (np.zeros(len(inputs), dtype=np.uint32) for _ in range(2))
@@ -74,26 +75,15 @@ class IntermediateUpdates:
         update.references = self._ffi.cast("uint32_t*", self._references.ctypes.data)
         self._steps.element = self._ffi.cast("uint32_t*", self._element.ctypes.data)
 
-    def _address(self, pointer: Any) -> int:
-        return int(self._ffi.cast("uintptr_t", pointer))
-
-    def _function(self, name: str) -> Any:
-        return self._ffi.addressof(self._library, f"cosim_intermediate_{name}")
-
     @property
     def callback(self) -> Intermediate:
         """What the FMU is instantiated with."""
-        return self._address(self._function("update")), self._address(self._steps), [*by_reference(self._inputs)]
+        update = self._address(self._library.cosim_intermediate_update)
+        return update, self._address(self._steps), [*by_reference(self._inputs)]
 
     @property
     def step(self) -> tuple[Any, Any]:
-        """The step function and its first argument, for Python."""
         return self._library.cosim_intermediate_step, self._steps
-
-    @property
-    def addresses(self) -> tuple[int, int]:
-        """The same as addresses."""
-        return self._address(self._function("step")), self._address(self._steps)
 
     def attach(self, component: Instance) -> None:
         """After instantiation."""

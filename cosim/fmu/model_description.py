@@ -13,29 +13,28 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from build_fmus.base.checks import one_line
 from build_fmus.base.units import BASE_UNITS, DisplayUnit, Unit
 from cosim.core.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
 from cosim.core.errors import FmuError, TimeError
 from cosim.core.time import rational
+from cosim.fmu.interface import INTERFACES, NAMES, Interface
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 
 TOOL = (  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
     "suspension-fmus"
 )
-INTERFACES = {"cs": "CoSimulation", "me": "ModelExchange"}
-NAMES = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
 OCTETS = "application/octet-stream"  # mimeType of a Binary that has none
 LARGEST_BINARY = 2**30  # bytes that maxSize may say
 
-_TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
-_TYPES3 = {
+TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
+TYPES3 = {
     "Float64": "real",
     "Float32": "real",
     "Boolean": "boolean",
@@ -93,6 +92,15 @@ def read(
     raise FmuError(f"{where}: invalid modelDescription.xml{line}{why}")
 
 
+def type_attributes(root: Any, version: str) -> dict[str | None, dict[str, str]]:
+    """What variables of a defined type have from it, by its name."""
+    if version == "2":
+        return {t.get("name"): dict(t[0].attrib) for t in root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+    own = ("name", "description")
+    types = root.iterfind("TypeDefinitions/*")
+    return {t.get("name"): {k: v for k, v in t.attrib.items() if k not in own} for t in types}
+
+
 def _integer(element: Any, attribute: str, what: str, low: int = 0, high: int = 2**63 - 1) -> int:
     """An attribute as a whole number within limits."""
     return _whole(element.get(attribute), f"{what}: {attribute}", low, high)
@@ -124,6 +132,8 @@ def _short(text: str) -> str:
 class _Reader:
     """What FMI 2.0 and 3.0 have in common."""
 
+    version: ClassVar[str]
+
     def __init__(self, root: Any, limits: Limits):
         self.root = root
         self.limits = limits
@@ -145,14 +155,15 @@ class _Reader:
             self.units[unit.get("name")] = _unit(unit)
             self.displays |= {(unit.get("name"), d.get("name")): _display(d) for d in unit.iterfind("DisplayUnit")}
         clocked = root.find("ModelVariables/Clock") is not None  # by `event_mode.py`, without intermediate update
-        self.updates = _flag(simulation, "providesIntermediateUpdate") and not clocked
+        exchanged = simulation.tag == INTERFACES["me"]
+        offered = Interface.of("me" if exchanged else "cs", simulation)
+        self.updates = offered.can("providesIntermediateUpdate") and not clocked
         self.read_variables()
         own = self.annotation()
         if own is not None:
             self.annotate(own)
         structure = root.find("ModelStructure")
         self.at = simulation
-        exchanged = simulation.tag == INTERFACES["me"]
         result = Description(
             name=root.get("modelName", ""),
             variables=self.variables,
@@ -161,22 +172,19 @@ class _Reader:
             identifier=_identifier(simulation),
             text=root.get("description", ""),
             tool=root.get("generationTool", ""),
-            can_save=_flag(simulation, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
-            can_serialize=_flag(simulation, "canSerializeFMUstate", "canSerializeFMUState"),
-            only_once=_flag(simulation, "canBeInstantiatedOnlyOncePerProcess"),
-            variable_step=exchanged or _flag(simulation, "canHandleVariableCommunicationStepSize"),
-            directional_derivatives=_flag(
-                simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
-            ),
+            can_save=offered.saves,
+            can_serialize=offered.serializes,
+            only_once=offered.once,
+            variable_step=exchanged or offered.variable_step,
+            directional_derivatives=offered.directional,
             model_exchange=root.find("ModelExchange") is not None,
             co_simulation=root.find("CoSimulation") is not None,
-            interface="me" if exchanged else "cs",
-            completed_steps=exchanged and self.completed_steps(simulation),
-            needs_tool=_flag(simulation, "needsExecutionTool"),
+            interface=offered.kind,
+            completed_steps=exchanged and offered.wants_completed_steps(self.version),
+            needs_tool=offered.needs_tool,
             aliases=self.aliases,
-            event_mode=_flag(simulation, "hasEventMode"),
-            early_return=_flag(simulation, "mightReturnEarlyFromDoStep")
-            or _flag(simulation, "canReturnEarlyAfterIntermediateUpdate"),
+            event_mode=offered.can("hasEventMode"),
+            early_return=offered.can("mightReturnEarlyFromDoStep", "canReturnEarlyAfterIntermediateUpdate"),
             clocks=self.clocks,
         )
         with suppress(TimeError):  # a hint, of which the schema has said what is wrong
@@ -321,33 +329,31 @@ class _Reader:
     def read_structure(self, structure: Any, result: Description) -> None:
         raise NotImplementedError
 
-    def completed_steps(self, simulation: Any) -> bool:
-        raise NotImplementedError
-
     def annotation(self) -> Any:
         raise NotImplementedError
 
 
 class _Fmi2(_Reader):
+    version = "2"
+
     def read_variables(self) -> None:
-        types = {t.get("name"): t[0] for t in self.root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+        types = type_attributes(self.root, self.version)
         self.derivative_of: dict[str, int] = {}
         scalars = self.each(self.root.iterfind("ModelVariables/ScalarVariable"))
         for position, element in enumerate(scalars, start=1):
             name = _name(element, f"variable number {position}")
             self.take(name)
             self.check_count(1, f"with variable '{one_line(name, 80)}'")
-            typed = next((c for c in element if c.tag in _TYPES2), None)
+            typed = next((c for c in element if c.tag in TYPES2), None)
             if typed is None:
-                others = [c.tag for c in element if c.tag in _TYPES3]
+                others = [c.tag for c in element if c.tag in TYPES3]
                 raise _Unreadable(
                     f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file declares FMI 2.0"
                     if others
-                    else f"variable '{name}' has no type; it needs one of {', '.join(_TYPES2)}"
+                    else f"variable '{name}' has no type; it needs one of {', '.join(TYPES2)}"
                 )
-            declared = types.get(typed.get("declaredType"))
-            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
-            variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self)
+            attributes = {**types.get(typed.get("declaredType"), {}), **typed.attrib}
+            variable = _variable(element, (typed.tag, TYPES2[typed.tag]), attributes, self)
             self.variables[variable.name] = variable
             self.by_key[position] = [variable]
             if typed.get("derivative"):
@@ -366,16 +372,15 @@ class _Fmi2(_Reader):
             self.root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", 0, self.limits.variables
         )
 
-    def completed_steps(self, simulation: Any) -> bool:
-        return not _flag(simulation, "completedIntegratorStepNotNeeded")
-
     def annotation(self) -> Any:
         return self.root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Component")
 
 
 class _Fmi3(_Reader):
+    version = "3"
+
     def read_variables(self) -> None:
-        types = {t.get("name"): t for t in self.root.iterfind("TypeDefinitions/*")}
+        types = type_attributes(self.root, self.version)
         elements = [e for e in self.root.iterfind("ModelVariables/*") if isinstance(e.tag, str)]
         sizes = {
             e.get("valueReference"): e.get("start")
@@ -386,18 +391,14 @@ class _Fmi3(_Reader):
         self.declared: dict[int, str] = {}  # names by reference
         for position, element in enumerate(self.each(elements), start=1):
             name = _name(element, f"variable number {position}")
-            if element.tag not in _TYPES3:
+            if element.tag not in TYPES3:
                 kind = (
                     f"{element.tag}, a type of FMI 2.0; this file declares FMI 3.0"
-                    if element.tag in _TYPES2
+                    if element.tag in TYPES2
                     else element.tag
                 )
-                raise _Unreadable(f"variable '{name}' is {kind}; the types are {', '.join(_TYPES3)}")
-            declared = types.get(element.get("declaredType"))
-            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
-            inherited.pop("name", None)
-            inherited.pop("description", None)
-            attributes = {**inherited, **element.attrib}
+                raise _Unreadable(f"variable '{name}' is {kind}; the types are {', '.join(TYPES3)}")
+            attributes: dict[str, Any] = {**types.get(element.get("declaredType"), {}), **element.attrib}
             shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
             starts = [s.get("value", "") for s in element.iterfind("Start")]
             if starts:
@@ -409,7 +410,7 @@ class _Fmi3(_Reader):
             self.check_count(math.prod(shape), what)
             if shape and len(name) * math.prod(shape) > self.limits.xml_bytes:
                 raise _Unreadable(f"the names of {math.prod(shape)} elements of {_short(name)} are too long")
-            typed = element.tag, _TYPES3[element.tag]
+            typed = element.tag, TYPES3[element.tag]
             variable = _variable(element, typed, attributes, self, bool(shape))
             reference, expanded = variable.reference, _expand(variable, shape)
             if reference in self.by_key:
@@ -460,9 +461,6 @@ class _Fmi3(_Reader):
 
         if result.event_indicators > self.limits.variables:
             raise _Unreadable(f"ModelStructure has {result.event_indicators} event indicators, more than variables")
-
-    def completed_steps(self, simulation: Any) -> bool:
-        return _flag(simulation, "needsCompletedIntegratorStep")
 
     def annotation(self) -> Any:
         return self.root.find(f"Annotations/Annotation[@type='{TOOL}']/Component")

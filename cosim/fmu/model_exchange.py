@@ -23,6 +23,7 @@ from cosim.core.errors import CallFailed, CosimError, FmuError, IntegrationFaile
 from cosim.core.time import seconds_text
 from cosim.engine.library import interface, library
 from cosim.fmu.calls import WARNING, full_name
+from cosim.fmu.driver import Driver
 from cosim.fmu.isolation import IsolatedLibrary
 
 Solver = Literal["auto", "explicit", "implicit"]
@@ -127,12 +128,12 @@ class Instance(Protocol):
     def _recent_log(self) -> list[str]: ...
 
 
-class Integration:
+class Integration(Driver):
     """The integrator of one instance."""
 
     def __init__(self, component: Instance, options: ModelExchange):
-        self._component, self._ffi, self._library = component, interface(), library()
-        self._about = about = component.description
+        super().__init__()
+        self._component, self._about = component, (about := component.description)
         ffi, compiled = self._ffi, self._library
         fields, self._references = integrator_setup(about, options)
         self._setup = setup = ffi.new("IntegratorSetup*", fields)
@@ -153,9 +154,9 @@ class Integration:
         calls, there = ffi.new("void*[]", compiled.INTEGRATOR_FUNCTIONS), component._library.handle
         for i, name in enumerate(self._names):
             if name in needed or hasattr(there, full_name(about.fmi_version[0], name)):
-                calls[i] = ffi.cast("void*", component._address(component._function(name)))
+                calls[i] = self._pointer(component._address(component._function(name)))
         self._space = ffi.new("double[]", (size + 7) // 8)
-        instance = ffi.cast("void*", component._address(component._instance))
+        instance = self._pointer(component._address(component._instance))
         self._integrator = compiled.cosim_integrator_make(self._space, setup, references, instance, calls)
         self._memory, self._report = (ffi.addressof(self._integrator, n) for n in ("memory", "report"))
 
@@ -166,18 +167,7 @@ class Integration:
 
     @property
     def step(self) -> tuple[Any, Any]:
-        """The step function and its first argument, for Python."""
-        return getattr(self._library, self._step_name), self._integrator
-
-    @property
-    def addresses(self) -> tuple[int, int]:
-        """The same as addresses."""
-        function = self._ffi.addressof(self._library, self._step_name)
-        return tuple(int(self._ffi.cast("uintptr_t", p)) for p in (function, self._integrator))  # type: ignore[return-value]
-
-    @property
-    def _step_name(self) -> str:
-        return f"cosim_integrator_step{self._setup.version}"
+        return getattr(self._library, f"cosim_integrator_step{self._setup.version}"), self._integrator
 
     @property
     def counts(self) -> dict[str, int]:

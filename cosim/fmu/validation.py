@@ -23,6 +23,7 @@ from lxml import etree
 from build_fmus.base import safe_files
 from build_fmus.base.checks import one_line
 from cosim.core.description import Description, Variable
+from cosim.fmu.calls import accessed_as
 from cosim.fmu.model_description import nominal_size
 from cosim.fmu.xml import schema as xml_schema
 
@@ -35,7 +36,6 @@ _HERE = Path(__file__).parent
 _QUIRKS = _HERE / "quirks.toml"
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _CONTINUOUS = ("Real", "Float32", "Float64")
-_BASE = {"Enumeration": "Integer"}  # FMI 2.0: types that are set and read by the functions of another one
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,11 @@ def quirks() -> tuple[Quirk, ...]:
     return tuple(Quirk(**entry) for entry in tomllib.loads(_QUIRKS.read_text(encoding="utf-8"))["quirk"])
 
 
+def harmless(tool: str, finding: str) -> str:
+    """Why a finding about an FMU of a tool does no harm, if it is a known quirk; empty otherwise."""
+    return next((q.reason for q in quirks() if q.fits(tool, finding)), "")
+
+
 @cache
 def _wildcard(pattern: str) -> re.Pattern[str]:
     text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
@@ -136,7 +141,7 @@ def judge(root: Any, about: Description) -> Verdict:
     ordered = sorted(found, key=lambda f: f.line)
     sorted_out: tuple[list[Finding], list[Finding]] = [], []
     for finding in ordered:
-        reason = next((q.reason for q in quirks() if q.fits(about.tool, finding.text)), "")
+        reason = harmless(about.tool, finding.text)
         sorted_out[bool(reason)].append(Finding(finding.line, finding.text, reason))
     plain, known = sorted_out
     return Verdict(tuple(plain[:MOST]), tuple(known[:MOST]), max(0, len(plain) - MOST), max(0, len(known) - MOST))
@@ -251,7 +256,7 @@ def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
         for text in _of_variable(element, variables, known, major):
             yield Finding(line, f"{what}: {text}")
         if major == "2" and first.causality in ("input", "parameter"):
-            place = (_BASE.get(first.fmi_type) or first.fmi_type, first.reference)
+            place = accessed_as(major, first.fmi_type), first.reference
             if place in settable:
                 other = one_line(settable[place], 80)
                 yield Finding(

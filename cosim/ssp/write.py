@@ -23,7 +23,7 @@ from cosim.core.errors import SspError, WiringError
 from cosim.core.time import gcd
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
-from cosim.fmu.model_description import INTERFACES
+from cosim.fmu.interface import INTERFACES
 from cosim.fmu.model_exchange import ModelExchange
 from cosim.picture.layout import Picture, arrange
 from cosim.ssp import names

@@ -7,7 +7,6 @@ anything to any function and returns the status; what has to succeed raises `Ref
 from __future__ import annotations
 
 import csv
-import ctypes as c
 import io
 import tempfile
 import zipfile
@@ -17,15 +16,40 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import cffi
 import numpy as np
 from lxml import etree
 
 from cosim.check import calls
-from cosim.check.calls import DISCARD, ERROR, OK, WARNING, Refused
+from cosim.check.calls import Refused
 from cosim.check.model import Var, read
 from cosim.fmu import calls as fmi
+from cosim.fmu.calls import DISCARD, ERROR, OK, WARNING
 
 __all__ = ["DISCARD", "ERROR", "OK", "WARNING", "Instance", "Library", "Model", "Refused", "Signals", "Variable"]
+NEVER = {
+    2: ("CancelStep", "SetRealInputDerivatives", "GetRealOutputDerivatives"),
+    3: (
+        *("GetClock", "SetClock", "ActivateModelPartition", "EvaluateDiscreteStates", "EnterStepMode"),
+        *(
+            f"{what}{unit}"
+            for what in ("GetInterval", "GetShift", "SetInterval", "SetShift")
+            for unit in ("Decimal", "Fraction")
+        ),
+        *("EnterConfigurationMode", "ExitConfigurationMode", "GetOutputDerivatives"),
+        *("GetNumberOfVariableDependencies", "GetVariableDependencies"),
+    ),
+}
+"""Functions that no FMU of this project provides: called with an instance alone, they return Error."""
+UNPROVIDED = cffi.FFI()
+"""Types of these, and of functions that `cosim check` does not call."""
+UNPROVIDED.cdef("".join(f"int fmi{version}{name}(void*);" for version, names in NEVER.items() for name in names))
+UNPROVIDED.cdef("""
+int fmi2GetStatus(void*, int, int*);
+int fmi2GetIntegerStatus(void*, int, int*);
+void* fmi3InstantiateScheduledExecution(const char*, const char*, const char*, bool, bool, void*, void*, void*, void*,
+                                        void*);
+""")
 _KINDS = {"Real": "real", "Float64": "real", "Integer": "integer", "Int32": "integer", "Boolean": "boolean"}
 
 
@@ -110,7 +134,7 @@ class Library(Model):
         self.readings: dict[tuple[str, ...], list[Any]] = {}
         self.loaded = calls.Fmu(self.said, self.folder, dict.fromkeys(("cs", "me"), binary))
         self.real = "Real" if self.fmi == 2 else "Float64"
-        self.state_type = "FMUstate" if self.fmi == 2 else "FMUState"
+        self.unprovided = UNPROVIDED.dlopen(str(binary))
 
     def documentation_csv(self, what: str) -> Signals:
         """`NAME_in.csv` or `NAME_ref.csv` of the documentation."""
@@ -157,26 +181,28 @@ class Instance(calls.Instance):
         self._has_logger = logger
         super().__init__(library.loaded, kind, **options)
 
-    def _instantiate(self, name: str, token: str, logging: bool) -> int:
+    def _instantiate(self, name: str, token: str, logging: bool) -> Any:
         if self._has_logger:
             return super()._instantiate(name, token, logging)
-        ffi, process = fmi.ffi_of(self.version), fmi.c_library()
+        ffi, process = self.ffi, fmi.c_library()
         self._keep = [ffi.NULL]
         if self.fmi == 2:
             callbacks = ffi.new("Callbacks*")
             callbacks.allocate = ffi.cast("void*", ffi.addressof(process, "calloc"))
             callbacks.release = ffi.cast("void*", ffi.addressof(process, "free"))
             self._keep.append(callbacks)
-        return self.maker(name.encode(), token.encode(), interface=int(self.kind == "cs"))() or 0
+        return self.maker(name.encode(), token.encode(), interface=int(self.kind == "cs"))()
+
+    def raw(self, function: str) -> Any:
+        return getattr(self.library.unprovided, f"fmi{self.fmi}{function}", None) or super().raw(function)
 
     def _log(self, status: int, category: str, message: str) -> None:  # type: ignore[override]
         self.messages.append((status, category, message))
 
     @property
-    def kept(self) -> list[c.c_void_p]:
-        """Addresses of its logger and, in FMI 2.0, of its callbacks."""
-        ffi = fmi.ffi_of(self.version)
-        return [c.c_void_p(int(ffi.cast("uintptr_t", x))) for x in self._keep]
+    def logger(self) -> Any:
+        """Its logger as a pointer."""
+        return self.ffi.cast("void*", self._keep[0])
 
     def maker(
         self,
@@ -186,20 +212,20 @@ class Instance(calls.Instance):
         interface: int = 1,
         events: bool = False,
         bare: bool = False,
-    ) -> Callable[[], int | None]:
-        """Makes another instance and returns its address, with any arguments; in FMI 2.0 `bare` without callbacks."""
+    ) -> Callable[[], Any]:
+        """Makes another instance, or None, with any arguments; in FMI 2.0 `bare` without callbacks."""
         given = self.library.token.encode() if token == b"" else token
-        place, kept, cs = self.library.resources, self.kept, interface == 1
+        place, cs = self.library.resources, interface == 1
         if self.fmi == 2:
             function = self.raw("Instantiate")
-            callbacks = None if bare else kept[1]
+            callbacks = None if bare else self._keep[1]
             arguments: tuple[Any, ...] = (name, interface, given, place or b"", callbacks, 0, 0)
         else:
             function = self.raw("InstantiateCoSimulation" if cs else "InstantiateModelExchange")
-            flags = (False, False, *((events, False, None, c.c_size_t(0)) if cs else ()))
-            arguments = (name, given, place, *flags, None, kept[0], *((None,) if cs else ()))
-        function.restype = c.c_void_p
-        return lambda: function(*arguments)
+            flags = (False, False, *((events, False, None, 0) if cs else ()))
+            arguments = (name, given, place, *flags, None, self.logger, *((None,) if cs else ()))
+        passed = [self.ffi.NULL if x is None else x for x in arguments]
+        return lambda: function(*passed) or None
 
     @property
     def last_message(self) -> str:
@@ -239,17 +265,14 @@ class Instance(calls.Instance):
         """A C array of one of the FMI types."""
         return self._buffer(kind, list(values))
 
-    @staticmethod
-    def numbers(references: Iterable[int]) -> Any:
+    def numbers(self, references: Iterable[int]) -> Any:
         """A C array of value references."""
-        data = list(references)
-        return (c.c_uint32 * len(data))(*data)
+        return self.ffi.new("VR[]", list(references))
 
     def access(self, direction: str, kind: str, references: Iterable[int], values: Any) -> int:
         """`Get` or `Set` by value reference and FMI type; the status."""
         refs = self.numbers(references)
-        count = () if self.fmi == 2 else (c.c_size_t(len(values)),)
-        return self.call(f"{direction}{kind}", refs, c.c_size_t(len(refs)), values, *count)
+        return self.transfer(f"{direction}{kind}", refs, len(refs), values, len(values))
 
     def try_set(self, values: Mapping[str, float]) -> int:
         """Set variables by name, one call per type; the first status that is not OK."""
@@ -282,7 +305,7 @@ class Instance(calls.Instance):
             before = len(self.messages)
             status, buffer = self.get_raw(kind, group)
             self._demand(f"Get{kind}", status, before)
-            values[at] = np.array(buffer[:])[starts]
+            values[at] = np.array(self._values(kind, buffer))[starts]
         return values
 
     # ------------------------------------------------------------------ time
@@ -316,7 +339,7 @@ class Instance(calls.Instance):
         return state
 
     def free_state(self, state: Any) -> None:
-        self.must(f"Free{self.saved}", c.byref(state))
+        self.must("FreeFMUState", state)
 
     def serialize(self, state: Any = None) -> bytes:
         """The given state (or the present one) as bytes."""
@@ -328,9 +351,8 @@ class Instance(calls.Instance):
 
     def try_deserialize(self, data: bytes) -> tuple[int, Any]:
         """Status and FMU state of serialized bytes."""
-        state = c.c_void_p()
-        name = "DeSerialize" if self.fmi == 2 else "Deserialize"
-        return self.call(f"{name}{self.saved}", data, c.c_size_t(len(data)), c.byref(state)), state
+        state = self.ffi.new("void**")
+        return self.call("DeserializeFMUState", data, len(data), state), state
 
     def deserialize(self, data: bytes) -> None:
         """Continue from serialized bytes."""
@@ -342,10 +364,10 @@ class Instance(calls.Instance):
     def try_directional(self, unknowns: list[str], knowns: list[str], seed: Iterable[float]) -> tuple[int, np.ndarray]:
         """Status and sensitivities of `unknowns` for `seed` of `knowns`."""
         z, v = (self.numbers(self.library.variables[n].reference for n in names) for names in (unknowns, knowns))
-        dv, dz = (c.c_double * len(knowns))(*seed), (c.c_double * len(unknowns))()
-        nz, nv = c.c_size_t(len(unknowns)), c.c_size_t(len(knowns))
+        dv, dz = list(seed), self.ffi.new("double[]", len(unknowns))
+        nz, nv = len(unknowns), len(knowns)
         arguments = (z, nz, v, nv, dv, dz) if self.fmi == 2 else (z, nz, v, nv, dv, nv, dz, nz)
-        return self.call("GetDirectionalDerivative", *arguments), np.array(dz[:])
+        return self.call("GetDirectionalDerivative", *arguments), np.array(list(dz))
 
     def column(self, unknowns: list[str], known: str) -> np.ndarray:
         """One column of the Jacobian."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from api import DISCARD, ERROR, OK, Instance, Library, Model
+from api import DISCARD, ERROR, NEVER, OK, Instance, Library, Model
 from applies import applies_to
 
 # States of an instance, one letter each.
@@ -34,7 +33,7 @@ class Function:
 
 def nothing(n: int) -> Arguments:
     """`n` empty arrays, each with its length 0."""
-    return lambda a: (None, c.c_size_t(0)) * n
+    return lambda a: (None, 0) * n
 
 
 ROOM = 1 << 20  # bytes for a serialized state, more than any FMU here needs
@@ -42,29 +41,29 @@ ROOM = 1 << 20  # bytes for a serialized state, more than any FMU here needs
 
 def values(a: Instance) -> tuple[Any, ...]:
     """An empty list of references with its empty list of values."""
-    return (None, c.c_size_t(0), None) if a.fmi == 2 else (None, c.c_size_t(0), None, c.c_size_t(0))
+    return (None, 0, None) if a.fmi == 2 else (None, 0, None, 0)
 
 
 def states(a: Instance) -> tuple[Any, ...]:
     """Room for the continuous states."""
     n = len(a.library.states)
-    return (c.c_double * n)(), c.c_size_t(n)
+    return a.ffi.new("double[]", n), n
 
 
-def room(*kinds: Any) -> Arguments:
-    """References to fresh results of the given C types."""
-    return lambda a: tuple(c.byref(k()) for k in kinds)
+def room(*kinds: str) -> Arguments:
+    """Pointers to fresh results of the given C types."""
+    return lambda a: tuple(a.ffi.new(f"{k}*") for k in kinds)
 
 
 def step(a: Instance) -> tuple[Any, ...]:
     h = a.library.step
-    return (0.0, h, True, *(() if a.fmi == 2 else room(c.c_bool, c.c_bool, c.c_bool, c.c_double)(a)))
+    return (0.0, h, True, *(() if a.fmi == 2 else room("bool", "bool", "bool", "double")(a)))
 
 
-def snapshot(a: Instance) -> tuple[Any, ...]:
+def snapshot(a: Instance) -> Any:
     state = a.save()
     KEEP.append((a, state))
-    return (state,)
+    return state
 
 
 KEEP: list[tuple[Instance, Any]] = []
@@ -72,17 +71,11 @@ KEEP: list[tuple[Instance, Any]] = []
 
 def serialized(a: Instance) -> tuple[Any, ...]:
     data = a.serialize()
-    return data, c.c_size_t(len(data))
-
-
-class EventInfo(c.Structure):
-    """`fmi2EventInfo`."""
-
-    _fields_ = (*tuple((n, c.c_int) for n in "abcde"), ("f", c.c_double))
+    return data, len(data)
 
 
 COMMON = [
-    Function("SetDebugLogging", EVERYWHERE, lambda a: (True, c.c_size_t(0), None)),
+    Function("SetDebugLogging", EVERYWHERE, lambda a: (True, 0, None)),
     Function("ExitInitializationMode", INITIALIZATION),
     Function("Terminate", RUNNING),
     Function("Reset", EVERYWHERE),
@@ -90,8 +83,15 @@ COMMON = [
     Function("SetTime", EVENT + CONTINUOUS, lambda a: (0.5,)),
     Function("SetContinuousStates", CONTINUOUS, states),
     Function("GetContinuousStates", DERIVATIVES, states, interface="me"),
+    Function("GetContinuousStateDerivatives", DERIVATIVES, states, interface="me"),
     Function("GetNominalsOfContinuousStates", DERIVATIVES, states, interface="me"),
     Function("GetEventIndicators", DERIVATIVES, nothing(1), interface="me"),
+    Function("GetFMUState", EVERYWHERE, lambda a: (snapshot(a),)),
+    Function("SetFMUState", EVERYWHERE, lambda a: (snapshot(a)[0],)),
+    Function("FreeFMUState", EVERYWHERE, lambda a: (a.save(),)),
+    Function("SerializedFMUStateSize", EVERYWHERE, lambda a: (snapshot(a)[0], *room("size_t")(a))),
+    Function("SerializeFMUState", EVERYWHERE, lambda a: (snapshot(a)[0], a.ffi.new("char[]", ROOM), ROOM)),
+    Function("DeserializeFMUState", EVERYWHERE, lambda a: (*serialized(a), loose(a))),
     Function("DoStep", STEP, step),
 ]
 FMI2 = [
@@ -101,25 +101,16 @@ FMI2 = [
     *(Function(f"Get{t}", READ, values) for t in ("Real", "Integer", "Boolean", "String")),
     Function("SetReal", "INECS", values),
     *(Function(f"Set{t}", "INES", values) for t in ("Integer", "Boolean", "String")),
-    Function("GetFMUstate", EVERYWHERE, lambda a: (c.byref(snapshot(a)[0]),)),
-    Function("SetFMUstate", EVERYWHERE, snapshot),
-    Function("FreeFMUstate", EVERYWHERE, lambda a: (c.byref(a.save()),)),
-    Function("SerializedFMUstateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
-    Function("SerializeFMUstate", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
-    Function("DeSerializeFMUstate", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
     Function("GetDirectionalDerivative", READ, lambda a: (*nothing(2)(a), None, None), continuous=True),
     Function("EnterEventMode", EVENT + CONTINUOUS),
-    Function("NewDiscreteStates", EVENT, room(EventInfo)),
-    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (True, *room(c.c_int, c.c_int)(a))),
-    Function("GetDerivatives", DERIVATIVES, states, interface="me"),
-    Function("CancelStep", ""),
-    Function("SetRealInputDerivatives", ""),
-    Function("GetRealOutputDerivatives", ""),
-    Function("GetStatus", "ST", lambda a: (c.c_int(0), *room(c.c_int)(a)), DISCARD, "cs"),
-    Function("GetRealStatus", "ST", lambda a: (c.c_int(2), *room(c.c_double)(a)), interface="cs"),
-    Function("GetIntegerStatus", "ST", lambda a: (c.c_int(0), *room(c.c_int)(a)), DISCARD, "cs"),
-    Function("GetBooleanStatus", "ST", lambda a: (c.c_int(3), *room(c.c_int)(a)), interface="cs"),
-    Function("GetStringStatus", "ST", lambda a: (c.c_int(1), *room(c.c_char_p)(a)), DISCARD, "cs"),
+    Function("NewDiscreteStates", EVENT, room("EventInfo")),
+    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (True, *room("int", "int")(a))),
+    *(Function(n, "") for n in NEVER[2]),
+    Function("GetStatus", "ST", lambda a: (0, *room("int")(a)), DISCARD, "cs"),
+    Function("GetRealStatus", "ST", lambda a: (2, *room("double")(a)), interface="cs"),
+    Function("GetIntegerStatus", "ST", lambda a: (0, *room("int")(a)), DISCARD, "cs"),
+    Function("GetBooleanStatus", "ST", lambda a: (3, *room("int")(a)), interface="cs"),
+    Function("GetStringStatus", "ST", lambda a: (1, *room("const char*")(a)), DISCARD, "cs"),
 ]
 TYPES3 = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String")
 FMI3 = [
@@ -128,51 +119,22 @@ FMI3 = [
     *(Function(f"Get{t}", READ, values) for t in ("Float32", "Float64", *TYPES3)),
     *(Function(f"Set{t}", "INECS", values) for t in ("Float32", "Float64")),
     *(Function(f"Set{t}", "INES", values) for t in TYPES3),
-    Function("GetBinary", READ, lambda a: (*nothing(1)(a), None, None, c.c_size_t(0))),
-    Function("SetBinary", "INES", lambda a: (*nothing(1)(a), None, None, c.c_size_t(0))),
-    Function("GetFMUState", EVERYWHERE, lambda a: (c.byref(snapshot(a)[0]),)),
-    Function("SetFMUState", EVERYWHERE, snapshot),
-    Function("FreeFMUState", EVERYWHERE, lambda a: (c.byref(a.save()),)),
-    Function("SerializedFMUStateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
-    Function("SerializeFMUState", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
-    Function("DeserializeFMUState", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
+    Function("GetBinary", READ, lambda a: (*nothing(1)(a), None, None, 0)),
+    Function("SetBinary", "INES", lambda a: (*nothing(1)(a), None, None, 0)),
     *(Function(f"Get{kind}Derivative", READ, nothing(4), continuous=True) for kind in ("Directional", "Adjoint")),
     Function("EnterEventMode", CONTINUOUS),
-    Function("UpdateDiscreteStates", EVENT, room(*[c.c_bool] * 5, c.c_double)),
-    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (True, *room(c.c_bool, c.c_bool)(a))),
-    Function("GetContinuousStateDerivatives", DERIVATIVES, states, interface="me"),
-    Function("GetNumberOfEventIndicators", EVERYWHERE, room(c.c_size_t), interface="me"),
-    Function("GetNumberOfContinuousStates", EVERYWHERE, room(c.c_size_t), interface="me"),
-    *(
-        Function(n, "")
-        for n in (
-            "GetClock",
-            "SetClock",
-            "GetIntervalDecimal",
-            "GetIntervalFraction",
-            "GetShiftDecimal",
-            "GetShiftFraction",
-            "SetIntervalDecimal",
-            "SetIntervalFraction",
-            "SetShiftDecimal",
-            "SetShiftFraction",
-            "ActivateModelPartition",
-            "EnterConfigurationMode",
-            "ExitConfigurationMode",
-            "EnterStepMode",
-            "EvaluateDiscreteStates",
-            "GetNumberOfVariableDependencies",
-            "GetVariableDependencies",
-            "GetOutputDerivatives",
-        )
-    ),
+    Function("UpdateDiscreteStates", EVENT, room(*["bool"] * 5, "double")),
+    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (True, *room("bool", "bool")(a))),
+    Function("GetNumberOfEventIndicators", EVERYWHERE, room("size_t"), interface="me"),
+    Function("GetNumberOfContinuousStates", EVERYWHERE, room("size_t"), interface="me"),
+    *(Function(n, "") for n in NEVER[3]),
 ]
 TABLES = {2: FMI2, 3: FMI3}
 
 
 def loose(a: Instance) -> Any:
     """Room for an FMU state that is freed with the others."""
-    state = c.c_void_p()
+    state = a.ffi.new("void**")
     KEEP.append((a, state))
     return state
 
@@ -232,42 +194,39 @@ def test_null_instance(fmu: Library) -> None:
     with fmu.instance() as a:
         put_into(a, STEP)
         for f in TABLES[fmu.fmi]:
-            arguments = [c.c_double(x) if isinstance(x, float) else x for x in f.arguments(a)]
-            function = a.raw(f.name)
-            function.restype = c.c_int
-            assert function(None, *arguments) == ERROR, f.name
+            arguments = (a.ffi.NULL if x is None else x for x in f.arguments(a))
+            assert a.raw(f.name)(a.ffi.NULL, *arguments) == ERROR, f.name
         for owner, kept in KEEP:
             owner.free_state(kept)
         KEEP.clear()
-    a.raw("FreeInstance")(None)
+    a.raw("FreeInstance")(a.ffi.NULL)
 
 
 def test_null_arguments(fmu: Library) -> None:
     """NULL where an array or a result should be is an error and changes nothing."""
-    one, n = c.c_size_t(1), c.c_size_t(len(fmu.states))
-    ref, value, data = (c.c_uint32 * 1)(0), (c.c_double * 1)(), c.create_string_buffer(64)
+    one, n, ffi = 1, len(fmu.states), fmu.loaded.ffi
+    ref, value, data = [0], ffi.new("double*"), ffi.new("char[64]")
+    value_of = {fmu.real: value, "Boolean": ffi.new(f"{fmu.loaded.types['Boolean']}*")}
     tail: tuple[Any, ...] = () if fmu.fmi == 2 else (one,)
-    kind = fmu.state_type
-    deserialize = ("DeSerialize" if fmu.fmi == 2 else "Deserialize") + kind
     calls: list[tuple[Any, ...]] = [
-        ("SetDebugLogging", c.c_int(1), one, None),
-        *((f"{d}{t}", None, one, value, *tail) for d in ("Get", "Set") for t in (fmu.real, "Boolean")),
-        *((f"{d}{t}", ref, one, None, *tail) for d in ("Get", "Set") for t in (fmu.real, "Boolean")),
-        (f"Get{kind}", None),
-        (f"Set{kind}", None),
-        (f"Free{kind}", None),
-        (f"Serialized{kind}Size", None, c.byref(n)),
-        (f"Serialize{kind}", None, data, c.c_size_t(64)),
-        (deserialize, None, c.c_size_t(64), c.byref(c.c_void_p())),
-        (deserialize, data, c.c_size_t(64), None),
+        ("SetDebugLogging", 1, one, None),
+        *((f"{d}{t}", None, one, value_of[t], *tail) for d in ("Get", "Set") for t in value_of),
+        *((f"{d}{t}", ref, one, None, *tail) for d in ("Get", "Set") for t in value_of),
+        ("GetFMUState", None),
+        ("SetFMUState", None),
+        ("FreeFMUState", None),
+        ("SerializedFMUStateSize", None, ffi.new("size_t*")),
+        ("SerializeFMUState", None, data, 64),
+        ("DeserializeFMUState", None, 64, ffi.new("void**")),
+        ("DeserializeFMUState", data, 64, None),
     ]
     if fmu.fmi == 2:
         calls += [
             ("GetDirectionalDerivative", None, one, ref, one, value, value),
             ("GetDirectionalDerivative", ref, one, ref, one, None, value),
             ("GetDirectionalDerivative", ref, one, ref, one, value, None),
-            ("GetRealStatus", c.c_int(2), None),
-            ("GetBooleanStatus", c.c_int(3), None),
+            ("GetRealStatus", 2, None),
+            ("GetBooleanStatus", 3, None),
         ]
     else:
         calls += [
@@ -277,15 +236,15 @@ def test_null_arguments(fmu: Library) -> None:
             ("GetAdjointDerivative", ref, one, ref, one, None, one, value, one),
             ("GetDirectionalDerivative", ref, one, ref, one, value, one, None, one),
             ("GetAdjointDerivative", ref, one, ref, one, value, one, None, one),
-            ("DoStep", 0.0, fmu.step, c.c_bool(True), None, None, None, None),
+            ("DoStep", 0.0, fmu.step, True, None, None, None, None),
         ]
     exchange: list[tuple[Any, ...]] = [
         ("SetContinuousStates", None, n),
         ("GetContinuousStates", None, n),
         ("GetNominalsOfContinuousStates", None, n),
-        ("GetDerivatives" if fmu.fmi == 2 else "GetContinuousStateDerivatives", None, n),
-        ("CompletedIntegratorStep", c.c_bool(True), None, None),
-        ("SetContinuousStates", value, c.c_size_t(n.value + 1)),
+        ("GetContinuousStateDerivatives", None, n),
+        ("CompletedIntegratorStep", True, None, None),
+        ("SetContinuousStates", value, n + 1),
         ("GetEventIndicators", value, one),
     ]
     for interface in ("cs", "me") if fmu.is_continuous else ("cs",):
@@ -298,9 +257,9 @@ def test_null_arguments(fmu: Library) -> None:
                 assert a.call(*call) == ERROR, call[0]
                 assert a.serialize() == bits
             state = a.save()
-            assert a.call(f"Serialized{kind}Size", state, None) == ERROR
-            assert a.call(f"Serialize{kind}", state, None, c.c_size_t(len(bits))) == ERROR
-            assert a.call(f"Serialize{kind}", state, data, c.c_size_t(len(bits) - 1)) == ERROR
+            assert a.call("SerializedFMUStateSize", state[0], None) == ERROR
+            assert a.call("SerializeFMUState", state[0], None, len(bits)) == ERROR
+            assert a.call("SerializeFMUState", state[0], data, len(bits) - 1) == ERROR
             a.free_state(state)
     if fmu.is_continuous:
         with fmu.instance("me") as a:
@@ -375,9 +334,9 @@ def test_unknown_references_and_wrong_types(fmu: Library) -> None:
                     assert a.access("Set", kind, [v.reference], a.array(kind, [0])) == ERROR
         assert a.access("Get", "String", [0], a.array("String", [])) in (OK, ERROR)
         if fmu.fmi == 3:
-            ref, room_for = a.numbers([0]), (c.c_double * 2)()
-            assert a.call("GetFloat64", ref, c.c_size_t(1), room_for, c.c_size_t(2)) == ERROR
-            assert a.call("GetFloat64", ref, c.c_size_t(1), room_for, c.c_size_t(0)) == ERROR
+            room_for = a.ffi.new("double[2]")
+            assert a.call("GetFloat64", [0], 1, room_for, 2) == ERROR
+            assert a.call("GetFloat64", [0], 1, room_for, 0) == ERROR
         assert a.serialize() == bits
 
 
@@ -408,7 +367,7 @@ def test_values_that_are_not_finite(fmu: Library, bad: float) -> None:
             x = a.get_states()
             for i, n in enumerate(fmu.states):
                 data = a.array(fmu.real, [*x[:i], bad, *x[i + 1 :]])
-                assert a.call("SetContinuousStates", data, c.c_size_t(len(x))) == ERROR
+                assert a.call("SetContinuousStates", data, len(x)) == ERROR
                 assert n in a.last_message
             assert a.get_states().tobytes() == x.tobytes()
 
@@ -486,19 +445,18 @@ def test_logging_is_quiet_when_asked(fmu: Library) -> None:
     with fmu.instance(logging=False) as a:
         assert a.do_step(0.0, 1.0) == ERROR
         assert a.messages.pop()[1] == "logStatusError"  # errors are told even without debug logging
-        a.must("SetDebugLogging", False, c.c_size_t(0), None)
+        a.must("SetDebugLogging", False, 0, None)
         assert a.do_step(0.0, 1.0) == ERROR
         assert not a.messages
-        category = (c.c_char_p * 1)(b"logStatusError")
-        a.must("SetDebugLogging", True, c.c_size_t(1), category)
+        category, nonsense = (a.ffi.new("char[]", text) for text in (b"logStatusError", b"nonsense"))
+        a.must("SetDebugLogging", True, 1, [category])
         assert a.do_step(0.0, 1.0) == ERROR
         assert a.messages.pop()[1] == "logStatusError"
         a.initialize()
         assert not a.messages  # events were not asked for
-        category[0] = b"nonsense"
-        assert a.call("SetDebugLogging", True, c.c_size_t(1), category) == ERROR
+        assert a.call("SetDebugLogging", True, 1, [nonsense]) == ERROR
         assert "nonsense" in a.last_message
-        a.must("SetDebugLogging", False, c.c_size_t(0), None)
+        a.must("SetDebugLogging", False, 0, None)
 
 
 def test_without_a_logger(fmu: Library) -> None:
@@ -520,6 +478,6 @@ def test_instantiation_with_null_arguments(fmu: Library) -> None:
             assert a.maker(interface=7)() is None
         else:
             assert a.maker(events=True)() is None
-            scheduled = a.raw("InstantiateScheduledExecution")
-            scheduled.restype = c.c_void_p
-            assert scheduled(b"x", fmu.token.encode(), None, False, True, None, a.kept[0], None, None, None) is None
+            null, logger = a.ffi.NULL, a.logger
+            arguments = (b"x", fmu.token.encode(), null, False, True, null, logger, null, null, null)
+            assert not a.raw("InstantiateScheduledExecution")(*arguments)

@@ -75,7 +75,7 @@ def check_refused(a: Instance, data: bytes, what: str) -> None:
     before = a.serialize()
     status, state = a.try_deserialize(data)
     assert status == ERROR, what
-    assert not state.value
+    assert not state[0]
     assert "cannot be a state of" in a.last_message
     assert what in a.last_message
     assert a.serialize() == before

@@ -5,7 +5,6 @@ In any order, twice the same, changed in place, wrong in the middle, before and 
 
 from __future__ import annotations
 
-import ctypes as c
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,8 @@ def real(fmu: Model, names: list[str]) -> list[str]:
 
 def read(a: Instance, references: Any) -> list[float]:
     """Values behind an array of references to real numbers."""
-    values = (c.c_double * len(references))()
-    count = () if a.fmi == 2 else (c.c_size_t(len(values)),)
-    a.must(f"Get{kind(a)}", references, c.c_size_t(len(references)), values, *count)
+    values = a.ffi.new("double[]", len(references))
+    assert a.transfer(f"Get{kind(a)}", references, len(references), values, len(values)) == OK
     return list(values)
 
 

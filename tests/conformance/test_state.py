@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -27,11 +26,11 @@ def test_save_and_restore_continue_bit_equal(fmu: Library) -> None:
         assert a.run(STEPS, first=STEPS).tobytes() == first.tobytes()
         b.restore(state)  # another instance, never initialized
         assert b.run(STEPS, first=STEPS).tobytes() == first.tobytes()
-        a.must(f"Get{fmu.state_type}", c.byref(state))  # into the same block
+        a.must("GetFMUState", state)  # into the same block
         a.restore(state)
         assert a.run(STEPS, first=2 * STEPS).tobytes() == b.run(STEPS, first=2 * STEPS).tobytes()
         a.free_state(state)
-        a.free_state(c.c_void_p())  # freeing nothing is fine
+        a.free_state(a.ffi.new("void**"))  # freeing nothing is fine
 
 
 def test_serialized_states_continue_bit_equal(fmu: Library) -> None:
@@ -56,10 +55,9 @@ def test_serialized_bytes_are_no_state(fmu: Library) -> None:
     with fmu.instance() as a:
         a.initialize(fmu.stimulus.row(0))
         data = a.serialize()
-        bytes_ = c.create_string_buffer(data, len(data))
-        for function in (f"Set{fmu.state_type}", f"Free{fmu.state_type}"):
-            handle = c.c_void_p(c.addressof(bytes_))
-            assert a.call(function, handle if function.startswith("Set") else c.byref(handle)) == ERROR
+        state = a.ffi.new("void**", a.ffi.from_buffer(data))
+        for function, argument in (("SetFMUState", state[0]), ("FreeFMUState", state)):
+            assert a.call(function, argument) == ERROR
             assert "is not a state of this FMU" in a.last_message
         assert a.serialize() == data
 
@@ -80,7 +78,7 @@ def test_states_taken_during_initialization_and_model_exchange(fmu: Library) -> 
             b.deserialize(a.serialize())
             assert b.get_derivatives().tobytes() == a.get_derivatives().tobytes()
             state = a.save()
-            assert other.call(f"Set{fmu.state_type}", state) == ERROR, "Co-Simulation instances have no such modes"
+            assert other.call("SetFMUState", state[0]) == ERROR, "Co-Simulation instances have no such modes"
             assert "Model Exchange" in other.last_message
             a.free_state(state)
 
@@ -105,7 +103,7 @@ def test_damaged_states_are_refused(fmu: Library) -> None:
         for what, blob in damaged.items():
             status, state = a.try_deserialize(blob)
             assert status == ERROR, what
-            assert not state.value
+            assert not state[0]
         assert a.serialize() == data
 
 
@@ -118,7 +116,7 @@ def test_foreign_states_are_refused(name: str, load: Callable[[str, int], Librar
             for other in others:
                 with load(other, fmi).instance() as b:
                     foreign = b.save()
-                    assert a.call(f"Set{fmu.state_type}", foreign) == ERROR
+                    assert a.call("SetFMUState", foreign[0]) == ERROR
                     assert fmu.name in a.last_message
                     assert a.try_deserialize(b.serialize())[0] == ERROR
                     b.free_state(foreign)
@@ -159,16 +157,12 @@ def test_reset_equals_fresh(fmu: Library) -> None:
 def test_instances_leave_no_memory_behind(fmu: Library) -> None:
     with fmu.instance() as a:
         make = a.maker()
-        get, free_state, free = (
-            getattr(fmu.loaded.dll("cs"), f"fmi{fmu.fmi}{f}")
-            for f in (f"Get{fmu.state_type}", f"Free{fmu.state_type}", "FreeInstance")
-        )
-        state = c.c_void_p()
-        at = c.byref(state)
+        get, free_state, free = (a.raw(f) for f in ("GetFMUState", "FreeFMUState", "FreeInstance"))
+        at = a.ffi.new("void**")
 
         def cycle(n: int) -> None:
             for _ in range(n):
-                handle = c.c_void_p(make())
+                handle = make()
                 get(handle, at)
                 free_state(handle, at)
                 free(handle)

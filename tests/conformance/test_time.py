@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes as c
-
 import numpy as np
 import pytest
 from api import Instance, Library
@@ -98,12 +96,11 @@ def test_samples_are_counted_exactly(load, start: float) -> None:  # type: ignor
         fmu: Library = load("ProbeDiscrete", fmi)
         with fmu.instance() as a:
             a.initialize(start=start)
-            flags, last = (c.c_bool * 3)(), c.c_double()
-            tail = (True, *(() if fmi == 2 else (*(c.byref(flags, i) for i in range(3)), c.byref(last))))
-            function = getattr(fmu.loaded.dll("cs"), f"fmi{fmi}DoStep")
-            h = c.c_double(fmu.step)
+            flags, last = a.ffi.new("bool[3]"), a.ffi.new("double*")
+            tail = (True, *(() if fmi == 2 else (flags, flags + 1, flags + 2, last)))
+            function, h = a.raw("DoStep"), fmu.step
             for k in range(20_000):
-                assert function(a.handle, c.c_double(start + k * fmu.step), h, *tail) == 0
+                assert function(a.handle, start + k * fmu.step, h, *tail) == 0
             samples, clock = a.get(["samples", "clock"])
             assert samples == 19_999  # before the last one
             assert clock == pytest.approx(start + 19_999 * fmu.step, abs=1e-9)

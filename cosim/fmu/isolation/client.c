@@ -609,16 +609,17 @@ uint32_t link_integrator(Link *l, char *bytes, size_t size, bool set) {
 
 /* ------------------------------------------------------------------ FMI 2.0 */
 
-#define VALUES2(Name, Type, ctype)                                                                                     \
-    uint32_t fmi2Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) {                                     \
-        return set_values(l, LINK_##Type, "fmi2Set" #Name, r, n, v, n);                                                \
+/* One value for each reference. */
+#define SCALARS(version, Name, Type, ctype)                                                                            \
+    uint32_t fmi##version##Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) {                           \
+        return set_values(l, LINK_##Type, "fmi" #version "Set" #Name, r, n, v, n);                                     \
     }                                                                                                                  \
-    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) {                                           \
-        return get_values(l, LINK_##Type, "fmi2Get" #Name, r, n, v, n);                                                \
+    uint32_t fmi##version##Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) {                                 \
+        return get_values(l, LINK_##Type, "fmi" #version "Get" #Name, r, n, v, n);                                     \
     }
-VALUES2(Real, Real, double)
-VALUES2(Integer, Integer, int)
-VALUES2(Boolean, Boolean2, int)
+SCALARS(2, Real, Real, double)
+SCALARS(2, Integer, Integer, int)
+SCALARS(2, Boolean, Boolean2, int)
 uint32_t fmi2SetString(Link *l, const uint32_t *r, size_t n, const char *const *v) {
     return set_strings(l, LINK_String2, "fmi2SetString", r, n, v, n);
 }
@@ -709,44 +710,32 @@ uint32_t fmi3UpdateDiscreteStates(
     return status;
 }
 
-uint32_t fmi3SetClock(Link *l, const uint32_t *r, size_t n, const bool *v) {
-    return set_values(l, LINK_Clock, "fmi3SetClock", r, n, v, n);
-}
-uint32_t fmi3GetClock(Link *l, const uint32_t *r, size_t n, bool *v) {
-    return get_values(l, LINK_Clock, "fmi3GetClock", r, n, v, n);
-}
+SCALARS(3, Clock, Clock, bool)
 
-/* One clock at a time, as the master asks for them. */
-static uint32_t interval(Link *l, uint64_t what, const uint32_t *r, size_t n, LinkInterval *x) {
+/* One clock at a time, as the master asks for them. What is not asked for is NULL. */
+static uint32_t interval(
+    Link *l, uint64_t what, const uint32_t *r, size_t n, double *seconds, uint64_t *c, uint64_t *of, int *q) {
     if (n != 1) return LINK_ERROR;
     FLUSH
+    LinkInterval x = {0};
     const uint32_t status = with(l, LINK_INTERVAL, what, r[0]);
-    if (!l->end) memcpy(x, l->region.reply, sizeof *x);
+    if (!l->end) memcpy(&x, l->region.reply, sizeof x);
+    if (seconds) *seconds = x.seconds;
+    if (c) *c = x.counter, *of = x.resolution;
+    if (q) *q = x.qualifier;
     return status;
 }
 uint32_t fmi3GetIntervalDecimal(Link *l, const uint32_t *r, size_t n, double *v, int *q) {
-    LinkInterval x = {0};
-    const uint32_t status = interval(l, 0, r, n, &x);
-    *v = x.seconds, *q = x.qualifier;
-    return status;
+    return interval(l, 0, r, n, v, NULL, NULL, q);
 }
 uint32_t fmi3GetIntervalFraction(Link *l, const uint32_t *r, size_t n, uint64_t *c, uint64_t *of, int *q) {
-    LinkInterval x = {0};
-    const uint32_t status = interval(l, 1, r, n, &x);
-    *c = x.counter, *of = x.resolution, *q = x.qualifier;
-    return status;
+    return interval(l, 1, r, n, NULL, c, of, q);
 }
 uint32_t fmi3GetShiftDecimal(Link *l, const uint32_t *r, size_t n, double *v) {
-    LinkInterval x = {0};
-    const uint32_t status = interval(l, 2, r, n, &x);
-    *v = x.seconds;
-    return status;
+    return interval(l, 2, r, n, v, NULL, NULL, NULL);
 }
 uint32_t fmi3GetShiftFraction(Link *l, const uint32_t *r, size_t n, uint64_t *c, uint64_t *of) {
-    LinkInterval x = {0};
-    const uint32_t status = interval(l, 3, r, n, &x);
-    *c = x.counter, *of = x.resolution;
-    return status;
+    return interval(l, 3, r, n, NULL, c, of, NULL);
 }
 
 /* ------------------------------------------------------------------ both */
