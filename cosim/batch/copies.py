@@ -588,7 +588,7 @@ class Batch(Copies):
 
     @property
     def of_exact_solutions(self) -> list[str]:
-        """Components whose quadratic programs OSQP alone solves, to a tolerance, with derivatives of exact solutions."""
+        """Components whose programs OSQP alone solves, to a tolerance, with derivatives of the exact solutions."""
         files = {m: own.solvers for m, own in self._sources.items() if m in self._moving}
         return [m.name for m, of in files.items() if "qp_osqp.c" in of and "qp_daqp.c" not in of]
 
