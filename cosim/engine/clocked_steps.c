@@ -199,7 +199,7 @@ static uint32_t read_intervals(ClockedFmu *f, double t) {
         if (!f->call[k] && (k < CLOCKED_INTERVAL || (k >= CLOCKED_SAVE && f->setup->returns_early)))
             return failed(f, CLOCKED_CALL_FAILED, k, ERROR);
     const ClockedTime start = rational(t), none = {0, 0, INFINITY};
-    f->memory = (ClockedMemory){t, INFINITY};
+    f->memory = (ClockedMemory){.now = t, .next_event = INFINITY};
     f->stepping = false;
     for (uint32_t i = 0; i < f->setup->n_clocks; i++) {
         const ClockSetup *const c = &f->setup->clocks[i];
@@ -461,6 +461,7 @@ static uint32_t update(ClockedFmu *f, bool *again) {
     TRY(get_outputs(f, f->active, false));
     TRY(reschedule(f, true, false));
     TRY(CALL(f, CLOCKED_UPDATE, Update, again, &terminate, &nominals, &states, &has_next, &next));
+    f->memory.ends = terminate;
     if (terminate) return failed_with(f, CLOCKED_TERMINATED, f->memory.now);
     if (*again) return OK;
     TRY(reschedule(f, false, f->tuned));
@@ -617,7 +618,10 @@ static uint32_t advance_all(ClockedNetwork *n, double t, double *to, double end,
 }
 
 static uint32_t take(ClockedNetwork *n, double t, double end, double near) {
-    for (int32_t i = 0; i < n->n_fmus; i++) n->fmus[i]->memory.now = t;
+    for (int32_t i = 0; i < n->n_fmus; i++) {
+        n->fmus[i]->memory.now = t;
+        if (n->fmus[i]->memory.ends) return failed_with(n->fmus[i], CLOCKED_TERMINATED, t);
+    }
     TRY(process_events(n, near, true));
     for (int32_t k = 0; k < ITERATIONS; k++) {
         double to = INFINITY;

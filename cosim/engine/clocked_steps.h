@@ -100,6 +100,7 @@ typedef struct {
 /* What continues from step to step beside the FMU's own state, and `due` and the values in u and y. */
 typedef struct {
     double now, next_event;     /* [s]; infinite: none is announced */
+    int32_t ends, reserved;     /* it has asked for the end in event mode, where it stays: its network takes no step */
 } ClockedMemory;
 
 typedef struct ClockedNetwork ClockedNetwork;

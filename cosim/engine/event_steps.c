@@ -56,17 +56,19 @@ static uint32_t set_inputs(EventSteps *s, double t) {
     return OK;
 }
 
-uint32_t event_steps_enter(EventSteps *s, double t) { return plain(s, EVENT_ENTER, t); }
+uint32_t event_steps_enter(EventSteps *s, double t) { return s->memory.ends ? (uint32_t)OK : plain(s, EVENT_ENTER, t); }
 
 uint32_t event_steps_leave(EventSteps *s, double t) {
     typedef uint32_t (*Update)(void *, bool *, bool *, bool *, bool *, bool *, double *);
     bool again = true, terminate = false, nominals = false, states = false, has_next = false;
     double next = INFINITY;
+    if (s->memory.ends) return OK;
     for (int k = 0; again; k++) {
         if (k == UPDATES) return failed(s, EVENT_NOT_CONVERGED, EVENT_UPDATE, t, ERROR);
         again = has_next = false;
         TRY(EVENT_UPDATE, ((Update)s->call[EVENT_UPDATE])(
             s->instance, &again, &terminate, &nominals, &states, &has_next, &next));
+        s->memory.ends = terminate;
         if (terminate) return failed(s, EVENT_TERMINATED, EVENT_UPDATE, t, ERROR);
     }
     if (has_next && isnan(next)) return failed(s, EVENT_BAD_EVENT, EVENT_UPDATE, t, ERROR);
@@ -75,12 +77,11 @@ uint32_t event_steps_leave(EventSteps *s, double t) {
 }
 
 uint32_t event_steps_begin(EventSteps *s, double t) {
-    s->memory.next_event = INFINITY;
+    s->memory = (EventMemory){.next_event = INFINITY};
     s->report.time = t;
-    if (s->event_mode) PASS(event_steps_leave(s, t));
     for (const EventInputs *d = s->inputs; d < s->inputs + s->n_inputs; d++) memcpy(d->before, d->data, d->size);
     s->stepping = true;
-    return OK;
+    return s->event_mode ? event_steps_leave(s, t) : (uint32_t)OK;
 }
 
 const char *event_steps_why(const EventReport *report) {
@@ -129,9 +130,11 @@ static uint32_t step(
     EventSteps *s, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early, double *last) {
     const double end = t + h, near = resolution(t, h);
     double now = t;
-    *event = *terminate = *early = false;
+    *event = *early = false;
     s->report.end = EVENT_FINE;
-    if (s->event_mode && (s->memory.next_event <= t + near || inputs_changed(s)))
+    *terminate = s->memory.ends != 0;
+    if (*terminate) (void)failed(s, EVENT_TERMINATED, EVENT_UPDATE, t, ERROR);
+    else if (s->event_mode && (s->memory.next_event <= t + near || inputs_changed(s)))
         PASS(process_event(s, t, terminate));
     *early = *terminate;
     *last = t;

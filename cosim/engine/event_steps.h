@@ -31,7 +31,8 @@ typedef struct {
 
 /* What continues from step to step beside the FMU's own state. */
 typedef struct {
-    double next_event; /* infinite: none is announced */
+    double next_event;         /* infinite: none is announced */
+    int32_t ends, reserved;    /* it has asked for the end in event mode, where it stays: it takes no step */
 } EventMemory;
 
 typedef struct EventSteps EventSteps;
@@ -63,9 +64,11 @@ struct EventSteps {
 
 /* The setter of discrete inputs; `inputs` is the address of an `EventInputs`. */
 uint32_t event_steps_set(void *instance, const uint32_t *inputs, size_t n, void *data, size_t n_data);
-/* After initialization, at time t; then in step mode. Returns a status of FMI; above 1 see `report`. */
+/* After initialization, at time t; then in step mode, unless it asks for the end. Returns a status of FMI; above 1 see
+ * `report`. */
 uint32_t event_steps_begin(EventSteps *s, double t);
-/* Enter event mode, or update discrete states and go back to step mode, at time t. */
+/* Enter event mode, or update discrete states and go back to step mode, at time t; neither after a request for the
+ * end. */
 uint32_t event_steps_enter(EventSteps *s, double t);
 uint32_t event_steps_leave(EventSteps *s, double t);
 /* Why a step or event mode has failed, for people; empty where fmi3DoStep itself has. */

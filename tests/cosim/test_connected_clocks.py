@@ -212,6 +212,19 @@ def test_an_exported_system_ends_where_its_run_ends(
     assert outside["b.count"][-1] - before in (0, 1), "a tick at the end is of the next step, unless it is known late"
 
 
+def test_a_discrete_component_that_has_asked_for_the_end_takes_no_step(
+    ending: dict[bool, tuple[Path, Path]], tmp_path: Path
+) -> None:
+    """In its first event iteration: it stays in event mode, where the FMU refuses a step."""
+    with System(allow_unconnected=True) as system, System() as outer:
+        own = {"end": 0.0, "how": pulses.HOW.index("in event mode")}
+        system.add("a", ending[False][0], kind="discrete", step="10 ms", parameters=own)
+        outer.add("s", system.export_fmu(tmp_path / "Discrete.fmu"), step="10 ms")
+        for found in (system.run(0.1, record=["*"]), outer.run(0.1, record=["*"])):
+            assert found.time.tolist() == [0.0]
+            assert "component 'a'" in str(found.stopped_by)
+
+
 def test_early_returns_without_progress_or_permission_end_the_run(
     fmu: Path, tmp_path: Path, refused: Callable[..., None]
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign import eventful, relay, sloped
+from foreign import eventful, messages, relay, sloped
 from foreign.making import redescribed
 from oracles.exchange_rule import by_the_rule
 from same import assert_same, bits
@@ -209,6 +209,7 @@ def test_an_output_that_is_refused_between_steps_keeps_no_other_one(folder, vers
     expected = {"c.a": a, "d.y": 2.0 * a, "c.b": -1.0}
     if version == 3:
         expected |= {"c.multiples[1]": a, "c.multiples[2]": 2.0 * a}
+        expected |= {"c.whole": int(1e3 * a), "c.less": int(1e3 * a) - 1}
 
     def made() -> System:
         system, path = System(), relay.build(version, folder)
@@ -218,6 +219,9 @@ def test_an_output_that_is_refused_between_steps_keeps_no_other_one(folder, vers
         system.add("d", path, step=STEP, parameters=PASSES)
         system.connect("b.y", "c.p", linear=(-2.0, 0.0))
         system.connect("c.a", "d.u")
+        for name in ("whole", "less") if version == 3 else ():  # more than a double holds passes such a connection
+            system.add(f"of.{name}", messages.build(folder), step=STEP)
+            system.connect(f"c.{name}", f"of.{name}.whole_in")
         return system
 
     def shown(system: System, names: list[str]) -> list[float]:
@@ -420,12 +424,20 @@ def test_a_request_in_the_first_event_iteration_ends_the_run_with_the_first_row(
             assert simulation.recording.time.tolist() == [simulation.time] == [0.0]
 
 
-def test_so_does_that_of_a_co_simulation_fmu(folder):
+@ISOLATED
+@pytest.mark.parametrize("kind", ["continuous", "discrete"])
+def test_so_does_that_of_a_co_simulation_fmu(folder, kind, isolated):
+    """It stays in event mode, where the FMU refuses a step; its discrete input k can be set there."""
     parameters = {"kind": eventful.KINDS.index("ending"), "period": 0.0}
     with System(allow_unconnected=True) as system:
-        system.add("e", eventful.build(folder), step=STEP, parameters=parameters)
+        system.add("e", eventful.build(folder), kind=kind, step=STEP, parameters=parameters, isolated=isolated)
         found = system.run(1.0, record=["e.count"])
         assert found["e.count"].tolist() == [1.0]
+        with system.initialize(record=["e.count"]) as simulation:
+            simulation.set("e.k", 2)
+            simulation.restore(simulation.save())
+            simulation.advance(1.0)
+            assert simulation.recording["e.count"].tolist() == [1.0]
         system.add("b", relay.build(3, folder), step=STEP, parameters=PASSES)
         system.connect("e.count", "b.u", delay=True)
         with system.initialize(record=["e.count"]) as simulation:
@@ -463,6 +475,24 @@ def test_a_state_of_a_run_that_has_ended_there_can_be_restored(folder, version):
     assert (saved.ending.tick, saved.ending.component) == (0, "a")
     assert found["b.y"].tolist() == [2.0]
     assert "'a' asked to end the simulation" in (found.stopped_by or "")
+
+
+def test_a_state_is_restored_where_initialization_asks_for_the_end(folder):
+    """By the start value of an input, which the state replaces; the discrete input q waits for event mode again."""
+    with System() as system:
+        system.add("s", relay.build(3, folder), step=STEP, parameters=PASSES)
+        system.add("c", sloped.build(3, folder, events="discrete"), step=STEP, parameters={"trouble": 10.0})
+        system.components["s"].set({"u": 1.0})
+        system.components["c"].set({"p": 2.0})
+        system.connect("s.y", "c.p", linear=(-1.0, 0.0))
+        system.connect("s.x", "c.q")
+        whole = system.run(1.0, record=["c.b"])
+        with system.initialize(record=["c.b"]) as simulation:
+            simulation.advance(0.5)
+            state = simulation.save()
+        found = system.run(1.0, record=["c.b"], state=state)
+    assert len(whole.time) == 9
+    assert found["c.b"].tolist() == whole["c.b"][4:].tolist()
 
 
 def test_copies_of_a_batch_end_with_such_a_request(folder):

@@ -552,20 +552,20 @@ def test_a_member_that_asks_for_the_end_ends_the_system_where_a_run_ends(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("first", ["relay 2", "relay 3", "eventful"])
+@pytest.mark.parametrize("first", ["relay 2", "relay 3", "continuous", "discrete"])
 def test_a_request_in_the_first_event_iteration_ends_the_system_in_its_first_step(tmp_path, fmi, first):
     """With the row of a run, in which the discrete component c has had its step."""
     with System(allow_unconnected=True) as system:
-        if first == "eventful":
+        if first in ("continuous", "discrete"):
             own = {"kind": eventful.KINDS.index("ending"), "period": 0.0}
-            system.add("a", eventful.build(tmp_path), step="0.125 s", parameters=own)
+            system.add("a", eventful.build(tmp_path), kind=first, step="0.125 s", parameters=own)
         else:
             own = {"gain": 0.0, "on": -1.0, "off": -1.0, "ends": 1.0}
             system.add("a", relay.build(int(first[-1]), tmp_path), step="0.125 s", parameters=own)
         system.add("b", relay.build(3, tmp_path), step="0.125 s", parameters=own if first == "relay 2" else {})
         system.add("c", sloped.build(3, tmp_path), kind="discrete", step="0.125 s")
         for target in ("b.u", "c.p"):
-            system.connect("a.count" if first == "eventful" else "a.y", target)
+            system.connect("a.y" if first.startswith("relay") else "a.count", target)
         result = system.run(1.0, record=["b.y", "c.a"])
         path = system.export_fmu(tmp_path / "Ending.fmu", fmi=fmi, outputs=["b.y", "c.a"])
     assert result["c.a"].tolist() == [0.125 + np.sin(1.0)]

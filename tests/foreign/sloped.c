@@ -12,7 +12,7 @@
 
 #include "../fmi_names.h"
 
-enum { P, Q, A, B, K, TROUBLE, CALLS, MULTIPLES = 8 };
+enum { P, Q, A, B, K, TROUBLE, CALLS, MULTIPLES = 8, WHOLE, LESS };
 
 typedef struct {
     double value[7], time, sum;
@@ -87,6 +87,9 @@ ACCESS(REAL, double, return tell(M, vr, n, value) ? F(OK) : F(Discard),
     if (DISCRETE && M->stepping) for (size_t i = 0; i < n; i++) if (vr[i] == Q) return F(Error);
     EACH(M->value[vr[i]] = value[i]))
 #if FMI == 3
+Status fmi3GetInt64(Instance c, const Reference vr[], size_t n, int64_t value[], size_t n_values) {
+    EACH(value[i] = (int64_t)(1e3 * get(M, A)) - (vr[i] == LESS));
+}
 Status fmi3EnterEventMode(Instance c) { return M->stepping = false, fmi3OK; }
 Status fmi3EnterStepMode(Instance c) { return M->stepping = true, fmi3OK; }
 Status fmi3UpdateDiscreteStates(Instance c, Flag *again, Flag *terminate, Flag *nominals, Flag *values, Flag *has_next,

@@ -26,7 +26,7 @@ _KINDS = {
 def description(version: int, *, offers: bool = True, events: str = "", multiples: bool = False) -> str:
     """modelDescription.xml; `offers` directional derivatives. `events`: what it has event mode for, of FMI 3.0.
 
-    `multiples`: with the array of this name, of FMI 3.0.
+    `multiples`: with the array of this name, `whole` and `less`, of FMI 3.0.
     "clock" or "ticked": an input clock that ticks by itself, or that a connection ticks; "discrete": the input q.
     """
     three, variables = version == 3, []
@@ -42,12 +42,14 @@ def description(version: int, *, offers: bool = True, events: str = "", multiple
     if multiples:
         array = 'name="multiples" valueReference="8" causality="output" variability="continuous"'
         variables.append(f'<Float64 {array}><Dimension start="2"/></Float64>')
+        for reference, name in ((9, "whole"), (10, "less")):
+            variables.append(f'<Int64 name="{name}" valueReference="{reference}" causality="output"/>')
     if three:
         variables.append('<Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>')
         structure = "".join(
             f'<{kind} valueReference="{i}" dependencies="0 1"/>'
             for kind in ("Output", "InitialUnknown")
-            for i in (2, 3, *[8] * multiples)
+            for i in (2, 3, *[8, 9, 10] * multiples)
         )
         head, can = 'fmiVersion="3.0" instantiationToken="sloped"', 'canGetAndSetFMUState="true"'
         offered = 'providesDirectionalDerivatives="true"'

@@ -36,6 +36,7 @@ static void bind(const Component *m, const PlanTransfer *p, bool set, void *memo
     } else memcpy(&x->call, &t->call3, sizeof x->call);
     t->type = ENGINE_DOUBLE;
     t->references = (const uint32_t *)(const void *)x;
+    t->n_references = 0; /* it knows its variables */
     if (m->version == 2) t->call2 = set ? exact_set2 : exact_get2;
     else t->call3 = set ? exact_set3 : exact_get3;
 }
