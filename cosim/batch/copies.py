@@ -588,9 +588,8 @@ class Batch(Copies):
 
     @property
     def of_exact_solutions(self) -> list[str]:
-        """Components whose quadratic programs OSQP alone solves, to a tolerance, with derivatives of exact solutions."""
-        files = {m: own.solvers for m, own in self._sources.items() if m in self._moving}
-        return [m.name for m, of in files.items() if "qp_osqp.c" in of and "qp_daqp.c" not in of]
+        """Components with quadratic programs that OSQP alone solves, to a tolerance; derivatives are of exact ones."""
+        return [m.name for m, own in self._sources.items() if m in self._moving and own.approximates]
 
     def end(self, until: TimeLike) -> tuple[float, int]:
         """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""

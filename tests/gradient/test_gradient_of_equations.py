@@ -110,6 +110,21 @@ def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, ba
         assert (found.trust().smooth == found.recording.time[-1]).all()
 
 
+@pytest.mark.parametrize("fallback", [None, Daqp()], ids=("alone", "with fallback"))
+def test_a_solution_is_exact_where_its_own_program_has_a_fallback(tmp_path: Path, fallback: Daqp | None) -> None:
+    """The solver of another program of the component changes nothing."""
+    c = Component("Two", kind="discrete", description="two programs", source="none", sample_time=0.01)
+    wanted = c.input("wanted", "1", "wanted", min=-9.0, max=9.0)
+    for name, backend in (("osqp", Osqp(fallback=fallback)), ("daqp", Daqp())):
+        s = c.quadratic_program(
+            name, hessians=[np.eye(1)], constraints=[np.eye(1)], linear=-wanted, lower=-1.0, upper=1.0, backend=backend
+        )
+        c.output(f"command.{name}", s.z, "1", "command")
+    with alone(tmp_path, c) as system:
+        found = system.gradient({"z": Final("law.command.osqp")}, ["law.wanted"], stop_time="20 ms")
+        assert found.of_exact_solutions == ([] if fallback else ["law"])
+
+
 NONE = 1e31  # no bound
 HELD = {  # Hessian, rows; of given numbers p: linear term, lower and upper bounds; these numbers, derivatives of z[0]
     "another unit": (
