@@ -329,8 +329,8 @@ class Instance:
 
     @staticmethod
     def references(variables: Iterable[Var]) -> list[int]:
-        """Value references, of which an invalid one passes as C would convert it."""
-        return [(v.reference or 0) & 0xFFFFFFFF for v in variables]
+        """Value references as they are passed."""
+        return [v.passed_reference for v in variables]
 
     def buffer(self, c_type: str, n: int) -> Any:
         """A C array for `n` values, and for some more: an FMU that writes too many does not end the check.
