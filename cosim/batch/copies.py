@@ -589,8 +589,7 @@ class Batch(Copies):
     @property
     def of_exact_solutions(self) -> list[str]:
         """Components whose programs OSQP alone solves, to a tolerance, with derivatives of the exact solutions."""
-        files = {m: own.solvers for m, own in self._sources.items() if m in self._moving}
-        return [m.name for m, of in files.items() if "qp_osqp.c" in of and "qp_daqp.c" not in of]
+        return [m.name for m, own in self._sources.items() if m in self._moving and own.approximates]
 
     def end(self, until: TimeLike) -> tuple[float, int]:
         """Time [s] at which `advance(until)` ends, and the number of samples that `recording` has of a copy then."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -79,6 +80,11 @@ class LaneSource:
         """C files that solve its quadratic programs, with those of the solvers."""
         rest = {"model.c", *(p.name for p in RUNTIME.glob("*.c") if not p.name.startswith("qp"))}
         return [n for n in self.files if n.endswith(".c") and not n.startswith("musl/") and n not in rest]
+
+    @property
+    def approximates(self) -> bool:
+        """Whether OSQP solves one of its quadratic programs without a fallback, to a tolerance."""
+        return re.search(rb"&qp_osqp, &\w+, NULL", self.files.get("qp_data.c", b"")) is not None
 
     @property
     def checks(self) -> bool:

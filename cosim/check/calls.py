@@ -53,6 +53,16 @@ def shown(status: int | None) -> str:
     return STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else f"{status}, which is not an FMI status"
 
 
+def parse_types(version: str) -> None:
+    """Parse the C types of what instances pass, each some tenths of a millisecond."""
+    ffi, kinds = fmi.ffi_of(version), fmi.c_types(int(version)).values()
+    for kind in {*kinds, "int", "uint8_t", "size_t", "void*", "char"}:
+        for of in ("", "*", "[]"):
+            ffi.typeof(f"{kind}{of}")
+    if version == "2":
+        ffi.typeof("EventInfo*")
+
+
 class Fmu:
     """A loaded library. Raises OSError where it cannot be loaded."""
 
@@ -329,8 +339,8 @@ class Instance:
 
     @staticmethod
     def references(variables: Iterable[Var]) -> list[int]:
-        """Value references, of which an invalid one passes as C would convert it."""
-        return [(v.reference or 0) & 0xFFFFFFFF for v in variables]
+        """Value references as they are passed."""
+        return [v.passed_reference for v in variables]
 
     def buffer(self, c_type: str, n: int) -> Any:
         """A C array for `n` values, and for some more: an FMU that writes too many does not end the check.

@@ -19,6 +19,7 @@ from cosim.fmu.interface import INTERFACES, Interface
 from cosim.fmu.model_description import TYPES2, TYPES3, type_attributes
 
 FLOATS = ("Real", "Float64", "Float32")
+MOST_ELEMENTS = 2**48  # of an array: more than any memory holds, and little enough for sums and sizes in bytes
 
 DEFAULT_INITIAL = {
     "exact": {
@@ -81,6 +82,11 @@ class Var:
     def bounds(self) -> tuple[float, float]:
         """Least and largest value; infinite where it has no limit."""
         return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
+
+    @property
+    def passed_reference(self) -> int:
+        """Value reference as it is passed: an invalid one as C would convert it."""
+        return (self.reference or 0) & 0xFFFFFFFF
 
     @property
     def key(self) -> tuple[int | None, str]:
@@ -218,7 +224,7 @@ def read(root: Any) -> Model:
         interfaces=interfaces,
         experiment={k: v for k, v in numbers.items() if v is not None},
         categories=[c.get("name", "") for c in root.iterfind("LogCategories/Category")],
-        indicators=_whole(root.get("numberOfEventIndicators")) or 0,
+        indicators=max(0, _whole(root.get("numberOfEventIndicators")) or 0),
         scheduled=root.find("ScheduledExecution") is not None,
         structural=any(v.causality == "structuralParameter" for v in variables),
         clocks=any(v.type == "Clock" for v in variables),
@@ -241,7 +247,7 @@ def _ticking(variables: Iterable[Var]) -> Iterator[tuple[int, float, float]]:
         )
         interval = clock_seconds(v.says, "interval")
         if periodic and v.reference is not None and (interval is None or 0 < interval < math.inf):
-            yield v.reference, math.nan if interval is None else interval, clock_seconds(v.says, "shift") or 0.0
+            yield v.passed_reference, math.nan if interval is None else interval, clock_seconds(v.says, "shift") or 0.0
 
 
 def default_initial(variability: str, causality: str) -> str | None:
@@ -290,7 +296,7 @@ def _variables(root: Any, version: str) -> list[Var]:
                 nominal=nominal,
                 unit=attributes.get("unit"),
                 derivative=_whole(attributes.get("derivative")),
-                size=math.prod(_size(d, sizes) for d in element.iterfind("Dimension")),
+                size=min(math.prod(_size(d, sizes) for d in element.iterfind("Dimension")), MOST_ELEMENTS),
                 aliases=tuple(a.get("name", "") for a in element.iterfind("Alias")),
                 clocked="clocks" in says,
             )

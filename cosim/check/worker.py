@@ -35,7 +35,7 @@ from typing import Any, BinaryIO
 from build_fmus.base.checks import plain
 from cosim.check import derivatives, model_exchange_rules, references, runs, saved, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
-from cosim.check.calls import Ended, Fmu, Refused
+from cosim.check.calls import Ended, Fmu, Refused, parse_types
 from cosim.check.model import Model
 from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 from cosim.core.memory import resident_memory
@@ -323,7 +323,7 @@ def _prepare_forks() -> None:
     calls.instantiate2(fake, calls.c_library(), ("", "", ""), _nothing, [], "cs")
     calls.instantiate3(fake, ("", "", ""), _nothing, [], "cs")
     for version in ("2", "3"):
-        calls.ffi_of(version).typeof("uintptr_t")
+        parse_types(version)
     gc.collect()
     gc.freeze()
 

@@ -10,7 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from foreign import clocked
 from foreign.faulty import BOTH, FAULTS, ODDITIES
+from foreign.making import redescribed
 
 from cosim.check import CHECKS, Options, Report, Workers, check
 from cosim.check.calls import Instance
@@ -147,6 +149,30 @@ def test_nothing_is_called_after_fatal(faulty: Callable[..., Path], workers: Wor
     """The FMU would abort."""
     report = check(faulty(3, "fatal"), Options(only=("states", "values.set"), kinds=("cs",)), workers=workers)
     assert found(report) == {"states.allowed": ["error: Set of inputs (Co-Simulation, step mode) returns Fatal"]}
+
+
+_CLOCK, _END = 'name="clock" valueReference="{}"', "</ModelVariables>"
+_DIMENSION = f'<Dimension start="{2**63 - 1}"/>'
+_HUGE = f'<Float64 name="e" valueReference="90" causality="local">{_DIMENSION * 2}</Float64>'
+BEYOND = {  # interface, what the description says, and numbers instead that a C type cannot hold
+    "clock": ("cs", _CLOCK.format(8), _CLOCK.format(8 + 2**32)),
+    "negative clock": ("cs", _CLOCK.format(8), _CLOCK.format(8 - 2**32)),
+    "indicators": ("me", 'numberOfEventIndicators="1"', 'numberOfEventIndicators="-3"'),
+    "array": ("cs", _END, _HUGE + _END),
+}
+
+
+@pytest.mark.parametrize("name", BEYOND)
+def test_numbers_beyond_their_c_type_break_no_check(
+    name: str, faulty: Callable[..., Path], tmp_path: Path, workers: Workers
+) -> None:
+    kind, before, after = BEYOND[name]
+    source = clocked.build("fixed", tmp_path) if "clock" in name else faulty(2 if name == "indicators" else 3)
+    path = redescribed(source, tmp_path / "Beyond.fmu", (before.encode(), after.encode()))
+    only = ("description.schema", "states.life", "values.start", "runs.repeat")
+    report = check(path, replace(LIMITS, only=only, kinds=(kind,)), workers=workers)
+    assert report.failures == []
+    assert ("description.schema" in found(report)) == (name != "array")
 
 
 def test_a_missing_derivative_is_named(faulty: Callable[..., Path]) -> None:

@@ -19,7 +19,7 @@ from cosim.gradient import Final, GradientError
 
 METRICS = {"first": Final("law.command[1]"), "price": Final("law.price[1]")}
 INPUTS = ["law.total[1]", "law.total[2]", "law.wanted[1]", "law.wanted[2]"]
-BACKENDS = [Daqp(), Osqp(rho=1.0, eps=1e-10)]
+BACKENDS = [Daqp(), Osqp(rho=1.0, eps=1e-10), Osqp(rho=1.0, eps=1e-3, fallback=Daqp())]
 H = np.array([[3.0, 0.7, 0.3], [0.7, 2.0, -0.4], [0.3, -0.4, 1.0]])
 ROWS = np.array([[0.3, 0.7, 0.1], [0.0, 0.0, 0.0]])
 
@@ -105,9 +105,25 @@ def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, ba
             metrics = {f"{i}": Final(f"law.command[{i}]") for i in range(1, 5)}
             found = system.gradient(metrics, inputs, stop_time=0.08, mode=mode)
             np.testing.assert_allclose(found.jacobian, np.eye(4), atol=1e-12)
-            assert found.of_exact_solutions == ["law"] * (backend.name == "osqp")
-            assert str(found).count("law: derivatives of the exact solutions") == (backend.name == "osqp")
+            alone = isinstance(backend, Osqp) and backend.fallback is None
+            assert found.of_exact_solutions == ["law"] * alone
+            assert str(found).count("law: derivatives of the exact solutions") == alone
         assert (found.trust().smooth == found.recording.time[-1]).all()
+
+
+@pytest.mark.parametrize("fallback", [None, Daqp()], ids=("alone", "with fallback"))
+def test_a_solution_is_exact_where_its_own_program_has_a_fallback(tmp_path: Path, fallback: Daqp | None) -> None:
+    """The solver of another program of the component changes nothing."""
+    c = Component("Two", kind="discrete", description="two programs", source="none", sample_time=0.01)
+    wanted = c.input("wanted", "1", "wanted", min=-9.0, max=9.0)
+    for name, backend in (("osqp", Osqp(fallback=fallback)), ("daqp", Daqp())):
+        s = c.quadratic_program(
+            name, hessians=[np.eye(1)], constraints=[np.eye(1)], linear=-wanted, lower=-1.0, upper=1.0, backend=backend
+        )
+        c.output(f"command.{name}", s.z, "1", "command")
+    with alone(tmp_path, c) as system:
+        found = system.gradient({"z": Final("law.command.osqp")}, ["law.wanted"], stop_time="20 ms")
+        assert found.of_exact_solutions == ([] if fallback else ["law"])
 
 
 NONE = 1e31  # no bound
