@@ -105,9 +105,9 @@ def test_a_limit_that_held_in_an_earlier_sample_holds_nothing(tmp_path: Path, ba
             metrics = {f"{i}": Final(f"law.command[{i}]") for i in range(1, 5)}
             found = system.gradient(metrics, inputs, stop_time=0.08, mode=mode)
             np.testing.assert_allclose(found.jacobian, np.eye(4), atol=1e-12)
-            alone = isinstance(backend, Osqp) and backend.fallback is None
-            assert found.of_exact_solutions == ["law"] * alone
-            assert str(found).count("law: derivatives of the exact solutions") == alone
+            approximate = isinstance(backend, Osqp) and backend.fallback is None
+            assert found.of_exact_solutions == ["law"] * approximate
+            assert str(found).count("law: derivatives of the exact solutions") == approximate
         assert (found.trust().smooth == found.recording.time[-1]).all()
 
 
