@@ -58,7 +58,7 @@ def test_a_million_steps_take_no_memory(follower, tmp_path, monkeypatch):
                 seen.append(held())
     grown = least_growth(seen)
     assert grown["pages"] < 16
-    assert grown["mappings"] == grown["files"] == grown["folders"] == 0
+    assert max(grown["mappings"], grown["files"], grown["folders"]) <= 0
 
 
 @pytest.mark.parametrize("count", [400, pytest.param(1000, marks=pytest.mark.full)])
@@ -75,5 +75,5 @@ def test_many_systems_leave_nothing(follower, tmp_path, monkeypatch, count):
             seen.append(held())
     grown = least_growth(seen)
     assert grown["pages"] < 3 * 50  # pages of 4 kB; what cffi kept of every library was 6 for each system
-    assert grown["mappings"] == grown["files"] == grown["folders"] == 0
+    assert max(grown["mappings"], grown["files"], grown["folders"]) <= 0
     assert seen[-1]["folders"] == 0
