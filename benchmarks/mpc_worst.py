@@ -150,7 +150,7 @@ def longest(name: str, backend: str, samples: int = SAMPLES, seeds: int = SEEDS)
         "worst [ms]": float(1e3 * seconds.max()),
         "worst / half the sample time": float(2 * seconds.max() / period),
         "iterations, most": float(count.max()),
-        "fallback [%]": float(100 * np.mean(count > solver.max_iterations)),
+        "more than OSQP's limit [%]": float(100 * np.mean(count > solver.max_iterations)),
         "limit reached [%]": float(100 * np.mean(ended == 1)),
         "infeasible [%]": float(100 * np.mean(ended == 2)),
         "bad data [%]": float(100 * np.mean(ended == 3)),

@@ -130,7 +130,8 @@ class Osqp:
         check_interval: iterations between checks for the end.
         infeasible: tolerance of the certificate that there is no feasible point.
         fallback: starts from the rows that OSQP found active, and makes the solution exact; at the limit of
-            iterations it starts from scratch, and its solution is OSQP's next start.
+            iterations it starts from scratch, and its solution is OSQP's next start. Where it reaches its own limit
+            from these rows, OSQP's solution stays.
     """
 
     rho: float = 0.1

@@ -87,8 +87,9 @@ class Probes:
     def ended(self) -> dict[int, Ending]:
         """Copies beside which one of the components has asked for the end in its first event iteration."""
         found: dict[int, Ending] = {}
+        names = {m.name for m in self.components}
         for at, e in enumerate(self.exchanges):
-            if e is not None and e.ending is not None and e.ending.component in [m.name for m in self.components]:
+            if e is not None and e.ending is not None and e.ending.component in names:
                 copy = at // (2 * self.apart.shape[1])
                 found.setdefault(copy, e.ending._replace(text=beside(e.ending.component)))
         return found

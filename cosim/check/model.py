@@ -339,7 +339,7 @@ def _structure(root: Any, version: str) -> Iterable[Unknown]:
 
 
 def number(text: str | None) -> float | None:
-    """A number as it is written; None if there is none."""
+    """The number that a text states; None without a text, or where it states no number."""
     try:
         return None if text is None else float(text)
     except ValueError:

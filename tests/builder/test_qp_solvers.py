@@ -244,26 +244,29 @@ def test_the_fallback_takes_over_at_the_limit() -> None:
     np.testing.assert_allclose(again.z, first.z, atol=1e-12)
 
 
+ROUGH = Osqp(rho=30.0, eps=1e-4, max_iterations=10_000)
+LINEAR = np.random.default_rng(1).normal(size=4) * 20
+
+
 def test_the_fallback_starts_from_the_rows_that_osqp_found_active() -> None:
     """It needs one iteration, where it needs several from scratch; a rough solution is exact then."""
-    (H,), (A,) = PROBLEMS["soft"]
-    q = np.array([-20.0, 15.0, 9.0, -30.0, 1.0])
-    rough = Osqp(rho=30.0, eps=1e-4, max_iterations=10_000)
-    bounds = np.full(len(A), -0.1), np.full(len(A), 0.1)
-    alone, polished = (solve("soft", b, q, *bounds, commit=False) for b in (rough, replace(rough, fallback=Daqp())))
+    H, A = (p[0] for p in PROBLEMS["two cases"])
+    bounds = np.full(len(A), -0.5), np.full(len(A), 0.5)
+    alone, polished = (
+        solve("two cases", b, LINEAR, *bounds, commit=False) for b in (ROUGH, replace(ROUGH, fallback=Daqp()))
+    )
     assert alone.residual > 1e-9
     assert polished.residual < 1e-12
     assert polished.iterations == alone.iterations + 1
-    assert solve("soft", Daqp(), q, *bounds).iterations > 3
-    reference = solve_reference(H, q, A, *bounds)
+    assert solve("two cases", Daqp(), LINEAR, *bounds, commit=False).iterations > 3
+    reference = solve_reference(H, LINEAR, A, *bounds)
     np.testing.assert_allclose(polished.z, reference.z, atol=1e-12 * np.abs(reference.z).max())
 
 
 def test_a_fallback_at_its_limit_leaves_the_solution_of_osqp() -> None:
-    rough = Osqp(rho=30.0, eps=1e-4, max_iterations=10_000)
-    q = np.array([-20.0, 15.0, 9.0, -30.0, 1.0])
     alone, limited = (
-        solve("soft", b, q, -0.1, 0.1, commit=False) for b in (rough, replace(rough, fallback=Daqp(max_iterations=1)))
+        solve("two cases", b, LINEAR, -0.5, 0.5, commit=False)
+        for b in (ROUGH, replace(ROUGH, fallback=Daqp(max_iterations=1)))
     )
     assert limited.status == SOLVED
     assert limited.z.tobytes() == alone.z.tobytes()
