@@ -18,7 +18,7 @@ import numpy.typing as npt
 from build_fmus.base.checks import did_you_mean, whole_number
 from cosim.batch.initial_states import Copies
 from cosim.batch.lane_source import LaneSource, NoLanes, lane_source
-from cosim.batch.library import MULTIPLE, Target, choose_target
+from cosim.batch.library import Target, choose_target
 from cosim.batch.structs import CopyFailure
 from cosim.core.description import Variable
 from cosim.core.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
@@ -106,8 +106,9 @@ class Batch(Copies):
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
         begin: False where `reset` or `reset_each` comes later.
-        seeds: derivatives of parameters and start values, by full name (copies, directions): a multiple of 8
-            directions, the same number for all; of a series (rows, copies, directions). What is recorded then has
+        seeds: derivatives of parameters and start values, by full name (copies, directions): whole vectors
+            of directions (a multiple of 8 is one for every processor), the same number for all; of a series (rows,
+            copies, directions). What is recorded then has
             derivatives (`BatchRecording.tangents`); components on which no output or recorded variable depends do
             without.
 
@@ -232,10 +233,10 @@ class Batch(Copies):
         """Of numbers that have derivatives in the directions of the seeds."""
         widths = {s.shape[-2:] for s in self._seeds.values()}
         _, directions = next(iter(widths)) if len(widths) == 1 and len(min(widths)) == 2 else (0, 0)
-        if widths != {(self.copies, directions)} or directions % MULTIPLE or not directions:
+        if widths != {(self.copies, directions)} or directions % self._target.lanes or not directions:
             raise CosimError(
                 f"the seeds have the shapes {', '.join(map(str, sorted(widths)))}; give all of them the same,"
-                f" ({self.copies}, n), where n is a multiple of {MULTIPLE}"
+                f" ({self.copies}, n), where n is a multiple of {self._target.lanes}"
             )
         return self._target.with_tangents(directions)
 

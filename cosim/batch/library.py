@@ -23,7 +23,6 @@ from cosim.core.errors import CosimError
 from cosim.engine import library as engine
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
-MULTIPLE = 8  # of which the number of derivatives is one: doubles of the widest vector
 STEP_DIRECTIONS = 16  # along which the derivatives of a step are computed together
 _HERE = Path(__file__).parent / "runtime"
 _HEADER = _HERE / "batch.h"
@@ -79,7 +78,7 @@ class Target:
         return self.part or self.lanes
 
     def with_tangents(self, directions: int) -> Target:
-        """Of copies that have derivatives in so many directions, a multiple of 8."""
+        """Of copies that have derivatives in so many directions, in whole vectors."""
         return replace(self, name=f"{self.name}_tangents_{directions}", lanes=1, directions=directions, part=self.lanes)
 
     def with_adjoints(self) -> Target:

@@ -33,6 +33,7 @@ from build_fmus.base.checks import unknown
 from cosim.batch import Batch, BatchRecording
 from cosim.batch.adjoint import AdjointRun, NoAdjointError
 from cosim.batch.copies import CopyFailedWarning
+from cosim.batch.library import choose_target
 from cosim.core.description import Variable
 from cosim.core.errors import ComponentError, CosimError, UnconnectedInputsWarning
 from cosim.core.signals import Array
@@ -44,7 +45,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
-MANY_DIRECTIONS = 56  # where there are more than two copies would carry: these cost about as much as 2.3 copies
+MANY_DIRECTIONS = 52  # where there are more than two copies would carry, and more to fill vectors (tangents.h)
 FORWARD = DIRECTIONS  # parameters up to which the forward way costs less than the adjoint (benchmarks/gradients.py)
 _WHY = "a root, a quotient or a norm has no slope there, or a quadratic program was not solved"
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
@@ -286,7 +287,8 @@ class GradientRun:
     def _forward(self) -> Gradient:
         """All parameters, some by each copy."""
         n = len(self.elements)
-        each = DIRECTIONS if n <= 2 * DIRECTIONS else MANY_DIRECTIONS
+        lanes = choose_target().lanes
+        each = DIRECTIONS if n <= 2 * DIRECTIONS else -(-MANY_DIRECTIONS // lanes) * lanes
         copies = -(-n // each)
         seeds, sizes = np.zeros((n, copies, each)), self._sizes()
         seeds[range(n), np.arange(n) // each, np.arange(n) % each] = sizes

@@ -87,6 +87,15 @@ OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
         " z = m + r * s",
         (0.7, -1.3),
     ),
+    "what does not move": (
+        "c * a + b / c - fmax(c, -4.0) + fmin(c, a) + when(c > b, c * b) + if_else(b < c, c, a) * sin(c) * a",
+        (0.7, -1.3),
+    ),
+    "functions of what does not move": ("atan2(c, a) + hypot(b, c) + pow(a, c) + copysign(c, b) + fabs(c)", (0.7, -1.3)),
+    "a copy of what does not move": (
+        "a; Number k = c; scalar l = k; const local m = l * s; z = m + l * t; k = a; k = c; z += k * a",
+        (0.7, -1.3),
+    ),
     "a limit of a local": ("a; const local l = s * t; z = fmax(l, t) + fmin(l, s) + l", (0.7, -1.3)),
 }
 # Where a slope is infinite, and what it is multiplied with does not move: both derivatives.
@@ -103,7 +112,7 @@ CODE = """
 #include "number_equations.h"
 
 extern "C" EXPORT void compute(int which, const double *x, double *result) {
-    Number a(x[0]), b(x[1]), z(0.0);
+    Number a(x[0]), b(x[1]), c(0.9), z(0.0);
     const double numbers[2] = {2.0, -3.0};
 #ifdef ADJOINTS
     double of[1 << 8] = {0.0};
@@ -112,6 +121,9 @@ extern "C" EXPORT void compute(int which, const double *x, double *result) {
     tape->n = 2;
     tape->n_operands = tape->ends[2] = 0;
 #else
+    memset(a.d, 0, sizeof a.d);
+    memset(b.d, 0, sizeof b.d);
+    memset(c.d, 0xff, sizeof c.d); /* NaN, which nothing may read */
     a.d[0][0] = b.d[0][1] = 1.0;
     note_moves(&a, 1);
     note_moves(&b, 1);
@@ -131,8 +143,8 @@ CASES
     result[1] = of[1];
     result[2] = of[2];
 #else
-    result[1] = z.d[0][0];
-    result[2] = z.d[0][1];
+    result[1] = slope_of(z, 0);
+    result[2] = slope_of(z, 1);
 #endif
 }
 """

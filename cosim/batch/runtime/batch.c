@@ -116,7 +116,7 @@ static void run_probes(Group *g, const EngineComponent *of, int32_t number, doub
         for (int side = 0; side < 2; side++) {
             for (size_t i = 0; i < m->n_reads; i++) {
                 const Tangent *x = &g->values[m->reads[i]];
-                both[side]->values[m->reads[i]] = x->v + (side ? -apart : apart) * ((const double *)x->d)[k];
+                both[side]->values[m->reads[i]] = x->v + (side ? -apart : apart) * slope_of(*x, k);
             }
             both[side]->environment = environment_bits();
             const int result = engine_component(both[side], number, t);
@@ -186,8 +186,9 @@ static void record(const Group *g, const Engine *e) {
             of[1] = (double)g->values[b->recorded[k]].index;
             continue;
 #endif
-            const double *const derivatives = values + sizeof(lanes) / sizeof(double) - PER_COPY;
-            for (size_t j = 1; j < PER_COPY; j++) of[j] = there ? derivatives[j] * scale : NAN;
+#ifdef TANGENTS
+            for (int j = 0; j < TANGENTS; j++) of[1 + j] = there ? slope_of(g->values[b->recorded[k]], j) * scale : NAN;
+#endif
         }
         record_sides(g, at);
     }

@@ -325,7 +325,7 @@ EXPORT void cosim_lanes_prepare(void *memory) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
     note_moves(m->v, N_VALUES);
-    sides = 0;
+    taken.sides = 0;
 #endif
 #if HAS_PLAIN
     m->prepared = 0;
@@ -367,7 +367,7 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
     (void)t;
     (void)h;
 #ifdef HAS_SIDES
-    tied = 0;
+    taken.tied = 0;
 #endif
 #if HAS_START
     const FmuArguments begin = arguments(m, 0.0, X);
@@ -387,8 +387,8 @@ EXPORT unsigned cosim_lanes_begin(void *memory, double t, double h, unsigned of)
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) {
     Component *const m = (Component *)memory;
 #ifdef HAS_SIDES
-    sides = 0;
-    tied = 0;
+    taken.sides = 0;
+    taken.tied = 0;
 #endif
     const unsigned failed = step_of_any(m, t, h, of);
 #ifdef HAS_SIDES

@@ -67,30 +67,36 @@ typedef int condition;
 
 /* The sides taken in this step by what depends on a direction, and whether there was a tie: a move of TIE along a
  * direction changes a side, so that the derivative is that of one side only. Directions are as long as the parameters
- * are large (gradient.py). Of the component that this library is of. */
-static __thread uint64_t sides;
-static __thread int tied;
+ * are large (gradient.py). Of the component that this library is of; together, so that they are looked up once. */
+struct Taken {
+    uint64_t sides;
+    int tied;
+};
+static __thread Taken taken;
 #define TIE 1e-8
 
-NOINLINE void take_side(uint64_t side) { sides = (sides ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ sides >> 29; }
+INLINE void add_side(uint64_t *to, uint64_t side) {
+    *to = (*to ^ (side + 1)) * 0x9e3779b97f4a7c15u ^ *to >> 29;
+}
+NOINLINE void take_side(uint64_t side) { add_side(&taken.sides, side); }
 
 /* At first those that values which follow from the parameters alone have taken. */
 INLINE void begin_sides(Sides *of) {
-    of->all = of->last = sides;
+    of->all = of->last = taken.sides;
     of->changes = of->first = of->ties = of->plain = 0;
 }
 
 INLINE void note_tie(Sides *of, double t) {
-    if (tied && !of->ties++) of->tie = t;
+    if (taken.tied && !of->ties++) of->tie = t;
 }
 
 INLINE void note_sides(Sides *of, double t) {
     note_tie(of, t);
-    if (!of->all) of->first = sides;
-    of->changes += of->last && sides != of->last;
-    of->last = sides;
+    if (!of->all) of->first = taken.sides;
+    of->changes += of->last && taken.sides != of->last;
+    of->last = taken.sides;
     take_side(of->all);
-    of->all = sides;
+    of->all = taken.sides;
 }
 
 INLINE int noted(int moving, int side) {
@@ -100,8 +106,11 @@ INLINE int noted(int moving, int side) {
 /* The side of a comparison of x and y. */
 INLINE int compared(const Number &x, const Number &y, int side) {
     if (!depends(x, y)) return side;
-    if (!tied) tied = meet(x, y, TIE);
-    return noted(1, side);
+    Taken *now = &taken;
+    __asm__("" : "+r"(now)); /* looked up once */
+    if (!now->tied) now->tied = meet(x, y, TIE);
+    add_side(&now->sides, (uint64_t)(int64_t)side);
+    return side;
 }
 
 /* ------------------------------------------------------------------ comparisons */
@@ -149,10 +158,7 @@ INLINE Operand number_if_else(int holds, const Number &a, const Number &b) {
     const Number &x = holds ? a : b;
     return Operand(x.v + 0.0, 1.0, x);
 }
-INLINE Operand number_when(int holds, const Number &a) {
-    const Number &x = holds ? a : nothing;
-    return Operand(x.v, 1.0, x);
-}
+INLINE const Number &number_when(int holds, const Number &a) { return holds ? a : nothing; }
 OPERATION Operand number_fabs(const Number &x) {
     return Operand(fabs(x.v), fmu_side(x, nothing), x);
 }
@@ -162,14 +168,13 @@ OPERATION Operand number_copysign(const Number &x, const Number &y) {
     noted(depends(y), signbit(y.v) != 0);
     return Operand(r, signbit(r) == signbit(x.v) ? 1.0 : -1.0, x);
 }
-/* Tables and limits call these two often, which would take minutes to compile in place. */
-NOINLINE Operand number_fmax(const Number &x, const Number &y) {
-    const double r = fmu_fmax(x.v, y.v);
-    return Operand(r, 1.0, fmu_side(x, y) < 0.0 || x.v != x.v ? y : x);
+/* One of both, as fmu_fmax and fmu_fmin choose: of zeros the one with the sign. Tables and limits call these two often,
+ * which would take minutes to compile in place. */
+NOINLINE const Number &number_fmax(const Number &x, const Number &y) {
+    return fmu_side(x, y) < 0.0 || x.v != x.v || (x.v == y.v && signbit(x.v) > signbit(y.v)) ? y : x;
 }
-NOINLINE Operand number_fmin(const Number &x, const Number &y) {
-    const double r = fmu_fmin(x.v, y.v);
-    return Operand(r, 1.0, fmu_side(x, y) > 0.0 || x.v != x.v ? y : x);
+NOINLINE const Number &number_fmin(const Number &x, const Number &y) {
+    return fmu_side(x, y) > 0.0 || x.v != x.v || (x.v == y.v && signbit(x.v) < signbit(y.v)) ? y : x;
 }
 OPERATION Number number_floor(const Number &x) {
     const double r = fmu_floor(x.v);

@@ -58,9 +58,9 @@ EXPORT StepStatus step_derivatives(void *memory, const unsigned char *state, siz
             const lanes *const at = i < N_STATES ? X + i : Y + (i - N_STATES);
             after[i] = at->v;
             for (size_t k = 0; k < here; k++)
-                derivatives[(first + k) * (N_STATES + N_OUTPUTS) + i] = ((const double *)at->d)[k];
+                derivatives[(first + k) * (N_STATES + N_OUTPUTS) + i] = slope_of(*at, (int)k);
         }
-        *its_sides = (*its_sides ^ sides) * 0x9e3779b97f4a7c15u + 1;
+        *its_sides = (*its_sides ^ taken.sides) * 0x9e3779b97f4a7c15u + 1;
     }
     return STEP_FINE;
 }

@@ -16,10 +16,12 @@ typedef double Part __attribute__((vector_size(8 * PART)));
 struct Tangent {
     typedef Names<-1> Read;
     double v;
-    uint64_t moves; /* 0: all derivatives are 0; then as many unused numbers as alignment takes */
+    uint64_t moves; /* 0: all derivatives are 0, whatever stands in d; before that, what alignment takes */
     Part d[PARTS];
     Tangent() = default;
-    Tangent(double x) : v(x), moves(0) { EACH_OF(PARTS, i, d[i] = Part{}) }
+    Tangent(double x) : v(x), moves(0) {}
+    Tangent(const Tangent &x) { *this = x; }
+    Tangent &operator=(const Tangent &x);
     template <class E, IS_EXPRESSION(E)> MEMBER Tangent(const E &e) { *this = e; }
     template <class E, IS_EXPRESSION(E)> MEMBER Tangent &operator=(const E &e);
     template <int AT, class To> MEMBER void note(To &to, double slope) const { to.template note<AT>(slope, *this); }
@@ -27,6 +29,19 @@ struct Tangent {
     double operator[](int) const { return v; }
 };
 #define OPERATION NOINLINE
+
+/* Derivatives as they are, also of what does not move. */
+static const Part still[PARTS] = {};
+INLINE const Part *parts_of(const Tangent &x) { return x.moves ? x.d : still; }
+INLINE double slope_of(const Tangent &x, int k) { return ((const double *)parts_of(x))[k]; }
+
+NOINLINE void copy_parts(Tangent *r, const Tangent *x) { EACH_OF(PARTS, i, r->d[i] = x->d[i]) }
+inline Tangent &Tangent::operator=(const Tangent &x) { /* GCC calls it from code without vectors */
+    v = x.v;
+    moves = x.moves;
+    if (moves) copy_parts(this, &x);
+    return *this;
+}
 
 /* A product with the slope. Where x does not move, its part is 0, also where the slope is infinite. */
 INLINE Part scaled(double slope, const Part &d) {
@@ -80,6 +95,7 @@ template <int M> NOINLINE void add_up_many(Tangent *r, const double *slopes, con
     add_up<M>(r, slopes, of);
 }
 template <class E, class> MEMBER Tangent &Tangent::operator=(const E &e) {
+    if constexpr (__is_base_of(Tangent, E)) return *this = static_cast<const Tangent &>(e); /* as it is */
     Operands<typename E::Read> all;
     e.template note<0>(all, 1.0);
     v = e.v;
@@ -94,8 +110,10 @@ template <class E, class> MEMBER Tangent &Tangent::operator=(const E &e) {
 }
 NOINLINE Tangent chain(double value, int n, const double *slopes, const Tangent *const *of) {
     Tangent r(value);
+    EACH_OF(PARTS, i, r.d[i] = Part{})
     for (int k = 0; k < n; k++) {
-        r.moves |= of[k]->moves;
+        if (!of[k]->moves) continue;
+        r.moves = 1;
         EACH_OF(PARTS, i, r.d[i] += scaled(slopes[k], of[k]->d[i]))
     }
     return r;
@@ -118,21 +136,23 @@ INLINE int depends(const Tangent &x) {
     return 0;
 }
 INLINE int depends(const Tangent &x, const Tangent &y) {
-    for (int i = 0; (x.moves || y.moves) && i < PARTS; i++)
-        if (any_of(x.d[i] != y.d[i])) return 1;
+    const Part *const a = parts_of(x), *const b = parts_of(y);
+    for (int i = 0; a != b && i < PARTS; i++)
+        if (any_of(a[i] != b[i])) return 1;
     return 0;
 }
-/* Whether they are equal after a move along a direction by this much at most, and move apart beyond rounding. */
+/* Whether they are equal after a move along a direction by this much at most, and move apart beyond rounding. Nearly
+ * always sums of squares say at once that no direction is long enough. */
 INLINE int meet(const Tangent &x, const Tangent &y, double within) {
-    const double gap = fabs(x.v - y.v), *const a = (const double *)x.d, *const b = (const double *)y.d;
-    Part fastest = {};
-    EACH_OF(PARTS, i, {
-        const Part apart = x.d[i] - y.d[i];
-        const Part size = apart < 0.0 ? -apart : apart;
-        fastest = size > fastest ? size : fastest;
-    })
-    for (int i = 0; any_of(within * fastest >= gap) && i < TANGENTS; i++)
-        if (within * fabs(a[i] - b[i]) >= gap && fabs(a[i] - b[i]) > 1e-12 * (1.0 + fabs(a[i]) + fabs(b[i]))) return 1;
+    const Part *const a = parts_of(x), *const b = parts_of(y);
+    const double gap = fabs(x.v - y.v);
+    Part sums[2] = {};
+    EACH_OF(PARTS, i, sums[i % 2] += (a[i] - b[i]) * (a[i] - b[i]))
+    if (!any_of(2.0 * within * within * (sums[0] + sums[1]) >= gap * gap)) return 0;
+    for (int k = 0; k < TANGENTS; k++) {
+        const double one = slope_of(x, k), other = slope_of(y, k), apart = fabs(one - other);
+        if (within * apart >= gap && apart > 1e-12 * (1.0 + fabs(one) + fabs(other))) return 1;
+    }
     return 0;
 }
 /* Where derivatives were written from elsewhere. */
@@ -150,11 +170,13 @@ INLINE Tangent moved(double value, const Tangent &x) {
 
 /* Whether a number is not the same, beyond rounding and at all. A derivative may be of any size. */
 INLINE int lanes_moved(const Tangent &was, const Tangent &now) {
-    const double *const a = (const double *)was.d, *const b = (const double *)now.d;
     int r = fabs(now.v - was.v) > 1e-12 * fmax(fabs(was.v), 1.0);
-    for (int i = 0; i < TANGENTS; i++) r |= fabs(b[i] - a[i]) > 1e-12 * fabs(a[i]);
+    for (int k = 0; k < TANGENTS; k++)
+        r |= fabs(slope_of(now, k) - slope_of(was, k)) > 1e-12 * fabs(slope_of(was, k));
     return r;
 }
-INLINE int lanes_changed(const Tangent &was, const Tangent &now) { return memcmp(&was, &now, sizeof was) != 0; }
+INLINE int lanes_changed(const Tangent &was, const Tangent &now) {
+    return memcmp(&was.v, &now.v, sizeof was.v) != 0 || memcmp(parts_of(was), parts_of(now), sizeof was.d) != 0;
+}
 
 #endif
