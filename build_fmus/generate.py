@@ -320,6 +320,7 @@ def lane_table(component: Model, code: bytes, *, arrays: bool, token: str) -> by
             "hidden": [(v.name, v.slot, v.size) for v in states if not v.exposed],
             "kept": functions.kept,
             "solves": functions.solves,
+            "approximates": any(p.solvers[-1].name == "osqp" for p in component.programs),
         },
         separators=(",", ":"),
     ).encode()

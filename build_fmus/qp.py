@@ -44,7 +44,7 @@ class Backend(Protocol):
 
     @property
     def fallback(self) -> Backend | None:
-        """Solver that takes over where this one reaches its limit of iterations."""
+        """Solver that takes over where this one finds no solution."""
 
     @property
     def most_iterations(self) -> int:
@@ -128,10 +128,11 @@ class Osqp:
             coordinates in which H is the identity; `"none"`.
         unit_rows: scale the rows of A to length 1.
         check_interval: iterations between checks for the end.
-        infeasible: tolerance of the certificate that there is no feasible point.
+        infeasible: tolerance of the certificate that there is no feasible point; with bad scaling OSQP also finds one
+            of feasible programs.
         fallback: starts from the rows that OSQP found active, and makes the solution exact; at the limit of
-            iterations it starts from scratch, and its solution is OSQP's next start. Where it reaches its own limit
-            from these rows, OSQP's solution stays.
+            iterations, and where OSQP finds the program infeasible, it starts from scratch, and its solution is OSQP's
+            next start. Where it reaches its own limit from these rows, OSQP's solution stays.
     """
 
     rho: float = 0.1

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -171,6 +172,25 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
         }
     )
     return c
+
+
+class Program(NamedTuple):
+    """Numbers of a quadratic program."""
+
+    hessian: np.ndarray
+    rows: np.ndarray
+    linear: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+MISJUDGED = Program(  # of a random search: feasible, badly scaled, and found infeasible by OSQP as built by default
+    np.diag([0.01, 100.0]),
+    np.array([[-50.0, -4.0], [-10.0, -4.0], [0.0, 1.0]]),
+    np.array([400.0, 5.0]),
+    np.array([-251.0, 109.99, -51.0]),
+    np.array([-249.0, 110.01, -50.0]),
+)
 
 
 MAKERS = {

@@ -41,8 +41,8 @@ struct Qp {
     const QpCase *cases;
     const QpBackend *backend;
     const void *settings;
-    const Qp *fallback; /* the same program for the solver that makes this one's solutions exact and takes over at its
-                         * limit of iterations; NULL for none */
+    const Qp *fallback; /* the same program for the solver that makes this one's solutions exact and takes over where it
+                         * finds none; NULL for none */
     int n_terms;
     const double *terms; /* n_terms matrices n x n, symmetric */
 };

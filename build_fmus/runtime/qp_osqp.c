@@ -7,7 +7,8 @@
  * Memory: the last iterate z and its multipliers, from which the next solve starts.
  *
  * A fallback, DAQP, solves each program again: from the rows that OSQP found active, which makes the solution exact, or
- * at the limit of iterations from scratch. It has its own part of scratch, and no warm start of its own. */
+ * from scratch where OSQP has reached its limit of iterations or says that there is no solution, which can be wrong. It
+ * has its own part of scratch, and no warm start of its own. */
 
 #include "qp_osqp.h"
 
@@ -212,8 +213,8 @@ static void keep_active(const Scratch *s, double *y) {
 }
 
 /* Solve by the fallback, from what OSQP has `found`, or from scratch. OSQP continues from its own iterate in memory,
- * since other multipliers can make it slower where they are not unique; only in place of an unfinished one it starts
- * from the fallback's solution. */
+ * since other multipliers can make it slower where they are not unique; only where it has found none it starts from the
+ * fallback's solution. */
 static QpStatus solve_again(const Qp *qp, const QpCase *data, Scratch *s, int found, double *memory, const double *q,
     const double *l, const double *u, double *z, double *y, int *iterations) {
     const Qp *f = qp->fallback;
@@ -261,21 +262,22 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     (void)osqp_solve(&s->solver);
 
     *iterations = (int)s->info.iter;
-    switch (s->info.status_val) {
-        case OSQP_PRIMAL_INFEASIBLE:
-        case OSQP_PRIMAL_INFEASIBLE_INACCURATE: return QP_INFEASIBLE;
+    const OSQPInt outcome = s->info.status_val;
+    const int infeasible = outcome == OSQP_PRIMAL_INFEASIBLE || outcome == OSQP_PRIMAL_INFEASIBLE_INACCURATE;
+    switch (outcome) {
         case OSQP_SOLVED:
         case OSQP_SOLVED_INACCURATE:
         case OSQP_MAX_ITER_REACHED: break;
         default: /* no solution in the workspace: the start value */
             (void)memset(memory, 0, (size_t)(n + m) * sizeof(double));
-            return qp->fallback ? solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
+            if (qp->fallback) return solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations);
+            return infeasible ? QP_INFEASIBLE : QP_LIMIT_REACHED;
     }
     multiply(f->transform, 0, n, s->solution.x, z);
     for (int i = 0; i < m; i++) y[i] = e[i] * s->solution.y[i];
     (void)memcpy(memory, z, (size_t)n * sizeof(double));
     (void)memcpy(memory + n, y, (size_t)m * sizeof(double));
-    const int found = s->info.status_val == OSQP_SOLVED;
+    const int found = outcome == OSQP_SOLVED;
     if (qp->fallback) return solve_again(qp, data, s, found, memory, q, l, u, z, y, iterations);
     return found ? QP_SOLVED : QP_LIMIT_REACHED;
 }

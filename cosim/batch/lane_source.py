@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -45,6 +44,7 @@ class LaneSource:
         files: C files and headers by path below `sources/`.
         kept: (slot, size) of states that samples leave as they are.
         solves: whether its equations hold linear ones that are solved.
+        approximates: whether OSQP solves one of its quadratic programs without a fallback, to a tolerance.
     """
 
     token: str
@@ -60,6 +60,7 @@ class LaneSource:
     files: dict[str, bytes] = field(repr=False)
     kept: list[tuple[int, int]] = field(repr=False)
     solves: bool
+    approximates: bool
 
     @property
     def one_at_a_time(self) -> str:
@@ -80,11 +81,6 @@ class LaneSource:
         """C files that solve its quadratic programs, with those of the solvers."""
         rest = {"model.c", *(p.name for p in RUNTIME.glob("*.c") if not p.name.startswith("qp"))}
         return [n for n in self.files if n.endswith(".c") and not n.startswith("musl/") and n not in rest]
-
-    @property
-    def approximates(self) -> bool:
-        """Whether OSQP solves one of its quadratic programs without a fallback, to a tolerance."""
-        return re.search(rb"&qp_osqp, &\w+, NULL", self.files.get("qp_data.c", b"")) is not None
 
     @property
     def checks(self) -> bool:

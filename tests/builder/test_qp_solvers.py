@@ -8,6 +8,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from components import MISJUDGED
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -289,6 +290,73 @@ def test_the_limit_of_the_fallback() -> None:
     assert set(statuses[:-1]) == {LIMIT}, "each sample continues where the last one stopped"
     assert statuses[-1] == SOLVED
     np.testing.assert_allclose(s.z, solve_reference(H, q, A, np.full(len(A), -0.1), np.full(len(A), 0.1)).z, atol=1e-5)
+
+
+@pytest.fixture(params=[4000, 150], ids=["before its limit", "at its limit"])
+def mistaken(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> tuple[Osqp, Osqp]:
+    """OSQP, which finds the program infeasible, alone and with a fallback."""
+    monkeypatch.setitem(PROBLEMS, "misjudged", ([MISJUDGED.hessian], [MISJUDGED.rows]))
+    alone = Osqp(max_iterations=request.param)
+    both = replace(alone, fallback=Daqp())
+    compiled("misjudged", both).memory[:] = 0
+    return alone, both
+
+
+def right(s: Solved, q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
+    """Whether the outcome is the solution of the misjudged program with these data."""
+    reference = solve_reference(MISJUDGED.hessian, q, MISJUDGED.rows, lower, upper)
+    return s.status == SOLVED and np.allclose(s.z, reference.z, 1e-9) and np.allclose(s.y, reference.multipliers, 1e-6)
+
+
+def test_the_fallback_solves_what_osqp_finds_infeasible(mistaken: tuple[Osqp, Osqp]) -> None:
+    """From there OSQP finds the solution of the same program, the next program is right, and so is a restored state."""
+    alone, both = mistaken
+    data = MISJUDGED[2:]
+    claim = solve("misjudged", alone, *data, commit=False)
+    first = solve("misjudged", both, *data)
+    assert claim.status == INFEASIBLE
+    assert right(first, *data)
+    assert claim.iterations < first.iterations < claim.iterations + 9
+    assert first.residual < 1e-10
+    assert first.residual == pytest.approx(kkt("misjudged", 0, *data, first), abs=1e-12)
+    memory = compiled("misjudged", both).memory
+    kept = memory.copy()
+    again = solve("misjudged", both, *data)
+    assert right(again, *data)
+    assert again.iterations == both.check_interval + 1
+    memory[:] = kept
+    following = [-MISJUDGED.linear, MISJUDGED.lower - 50.0, MISJUDGED.upper + 50.0]
+    after = solve("misjudged", both, *following)
+    assert right(after, *following)
+    memory[:] = kept
+    assert solve("misjudged", both, *following).z.tobytes() == after.z.tobytes()
+    memory[:] = 0
+    assert solve("misjudged", both, *data).z.tobytes() == first.z.tobytes()
+
+
+def test_what_the_fallback_finds_infeasible_too_is_infeasible(mistaken: tuple[Osqp, Osqp]) -> None:
+    """The last solution stays, and the next solve is a cold start."""
+    alone, both = mistaken
+    data = MISJUDGED[2:]
+    contrary = MISJUDGED.linear, MISJUDGED.lower, MISJUDGED.upper - [0.0, 0.0, 0.5]
+    first = solve("misjudged", both, *data)
+    compiled("misjudged", alone).memory[:] = compiled("misjudged", both).memory
+    claim, failed = (solve("misjudged", b, *contrary) for b in mistaken)
+    assert (claim.status, failed.status) == (INFEASIBLE, INFEASIBLE)
+    assert claim.iterations < failed.iterations < both.most_iterations
+    assert failed.z.tobytes() == first.z.tobytes()
+    assert not failed.y.any()
+    assert failed.residual > 0.1
+    again = solve("misjudged", both, *data)
+    assert (again.z.tobytes(), again.iterations) == (first.z.tobytes(), first.iterations)
+
+
+def test_a_fallback_at_its_limit_leaves_open_what_osqp_finds_infeasible(mistaken: tuple[Osqp, Osqp]) -> None:
+    limited = replace(mistaken[0], fallback=Daqp(max_iterations=2))
+    s = solve("misjudged", limited, *MISJUDGED[2:])
+    assert s.status == LIMIT
+    assert np.isfinite(s.z).all()
+    assert not compiled("misjudged", limited).memory.any(), "no start for the next sample"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from built import OBJECTS
+from components import MISJUDGED
 
 from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
@@ -124,6 +125,36 @@ def test_a_solution_is_exact_where_its_own_program_has_a_fallback(tmp_path: Path
     with alone(tmp_path, c) as system:
         found = system.gradient({"z": Final("law.command.osqp")}, ["law.wanted"], stop_time="20 ms")
         assert found.of_exact_solutions == ([] if fallback else ["law"])
+
+
+def test_a_program_that_only_the_fallback_solves(tmp_path: Path) -> None:
+    """The rows at their upper bounds hold the solution; the run is that of the FMU bit for bit."""
+    c = Component("Misjudged", kind="discrete", description="limits", source="none", sample_time=0.01)
+    limit = c.input("limit", "1", "limits", shape=(2,), min=-1e3, max=1e3)
+    s = c.quadratic_program(
+        "solver",
+        hessians=[MISJUDGED.hessian],
+        constraints=[MISJUDGED.rows],
+        linear=MISJUDGED.linear,
+        lower=MISJUDGED.lower,
+        upper=ca.vertcat(MISJUDGED.upper[0], limit),
+        backend=Osqp(fallback=Daqp()),
+    )
+    c.output("command", s.z, "1", "commands")
+    with alone(tmp_path, c) as system:
+        system["law"].set(dict(zip(("limit[1]", "limit[2]"), MISJUDGED.upper[1:], strict=True)))
+        run = system.run(0.05, record=["law.command*", "law.solver.status"])
+        assert not run["law.solver.status"].any()
+        for mode in ("forward", "adjoint"):
+            found = system.gradient(
+                {f"{i}": Final(f"law.command[{i}]") for i in (1, 2)},
+                ["law.limit[1]", "law.limit[2]"],
+                stop_time=0.05,
+                mode=mode,
+            )
+            np.testing.assert_allclose(found.jacobian, [[-0.1, -0.4], [0.0, 1.0]], atol=1e-9)
+            assert found.of_exact_solutions == []
+            assert list(found.values) == [run[f"law.command[{i}]"][-1] for i in (1, 2)]
 
 
 NONE = 1e31  # no bound

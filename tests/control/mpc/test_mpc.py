@@ -240,22 +240,27 @@ def test_input_that_leaves_its_bounds_with_the_case_comes_back_at_its_rate(car, 
     assert min(forces[5:]) >= 500.0 - 1e-9
 
 
-@pytest.mark.parametrize("why", ["infeasible", "limit", "limit of both"])
+@pytest.mark.parametrize("why", ["infeasible", "infeasible to both", "limit", "limit of both"])
 def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None:
     """Hard travel bounds that no force can meet, or a solver without time.
 
     The command stays, within the bounds of now.
     """
     short = Daqp(max_iterations=2)
-    backend = {"limit": short, "limit of both": Osqp(max_iterations=10, fallback=short)}.get(why)
+    infeasible = why.startswith("infeasible")
+    backend = {
+        "limit": short,
+        "limit of both": Osqp(max_iterations=10, fallback=short),
+        "infeasible to both": Osqp(fallback=Daqp()),
+    }.get(why)
     hard = Output("suspension.deflection", scale=0.1, weight=1.0, min=-0.01, max=0.012, ecr=0.0)
     mpc = settings(model)
-    if why == "infeasible":
+    if infeasible:
         mpc = replace(mpc, outputs=(mpc.outputs[0], hard, mpc.outputs[2]))
     c = law(mpc, car, backend)
     ev = Named(c)
     slot = {e.name: e.slot for e in c.elements("input")}
-    ev.u[slot["body.vz"]] = 0.05 if why == "infeasible" else 0.0
+    ev.u[slot["body.vz"]] = 0.05 if infeasible else 0.0
     ev.step(PERIOD)
     first = ev.shown()
     assert not first["command.held"]
@@ -263,7 +268,7 @@ def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None
     ev.step(PERIOD)
     got = ev.shown()
     assert got["command.held"]
-    assert got["solver.status"] == (2 if why == "infeasible" else 1)
+    assert got["solver.status"] == (2 if infeasible else 1)
     assert got["force"] == first["force"]
     ev.u[slot["case"]] = 1  # now at least 500 N are asked for: held, but within the bounds
     ev.step(PERIOD)
