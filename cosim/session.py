@@ -136,8 +136,8 @@ class System(Wiring):
         tolerance = how.tolerance if schedule.continuous else None
         if tolerance is not None:
             begin = rational(self.experiment[0] if start_time is None else start_time, "start_time")
-            until = None if stop_time is None else max(abs(begin), abs(rational(stop_time, "stop_time")))
-            schedule = for_tolerance(schedule, tolerance, until)
+            stop = None if stop_time is None else rational(stop_time, "stop_time")
+            schedule = for_tolerance(schedule, tolerance, begin, stop)
         if schedule.unconnected and not self.allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""

@@ -92,15 +92,19 @@ States = tuple[SavedStates | None, list[Any]]  # of the FMUs that C saves, and o
 State = tuple[Array, npt.NDArray[np.int64], States | None]
 
 
-def _tick(schedule: Schedule, tolerance: float, until: Fraction | None) -> Fraction:
-    """The base tick of a run to `until` [s], which is the smallest step where there are no internal steps."""
+def _tick(schedule: Schedule, tolerance: float, start: Fraction, stop: Fraction | None) -> Fraction:
+    """The base tick of a run, which is the smallest step where there are no internal steps."""
     internal = _internal_steps(schedule.components)
     if internal is not None:
         return gcd([schedule.tick, internal])
     tick, declared = schedule.tick, _declared(schedule)
-    least = (UNKNOWN * declared if until is None else until) / RESOLUTION
+    latest = max(abs(start), UNKNOWN * declared if stop is None else abs(stop))
+    least = latest / RESOLUTION
+    most = EXACT / 8 / max(1.0, float(latest))  # a time is a quotient of integers below EXACT
     while tick > declared / PARTS or (
-        tick > declared * (tolerance / JUMPS) and tick >= 2 * least and tick.denominator < EXACT / 4
+        tick > declared * (tolerance / JUMPS)
+        and tick >= 2 * least
+        and math.lcm(tick.denominator, start.denominator) < most
     ):
         tick /= 2
     return tick
@@ -124,10 +128,10 @@ def _internal_steps(components: Sequence[SystemComponent]) -> Fraction | None:
     return Fraction(math.lcm(*(int(step * whole) for step in found)), whole) if found else None
 
 
-def for_tolerance(schedule: Schedule, tolerance: float, until: Fraction | None) -> Schedule:
+def for_tolerance(schedule: Schedule, tolerance: float, start: Fraction, stop: Fraction | None) -> Schedule:
     """The schedule of a run with a tolerance, where groups and the option `extrapolate` have no meaning.
 
-    `until`: largest time of the run [s], if it is known.
+    `start`, `stop`: of the run [s]; the stop time if it is known.
 
     Raises:
         WiringError: a component cannot take steps of any length or go back to a saved state, or a connection or loop
@@ -153,7 +157,7 @@ def for_tolerance(schedule: Schedule, tolerance: float, until: Fraction | None) 
     schedule = only_numbers(schedule, "a run with a tolerance", "run the system without a tolerance")
     return replace(
         schedule,
-        tick=_tick(schedule, tolerance, until),
+        tick=_tick(schedule, tolerance, start, stop),
         groups=tuple(Group("", (m,)) for m in schedule.continuous),
         connections=tuple(replace(c, extrapolate=False) for c in schedule.connections),
     )

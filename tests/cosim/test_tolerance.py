@@ -344,14 +344,22 @@ class Relay(PythonComponent):
         self.last = y[0]
 
 
-def with_relay(internal: Fraction | None = None) -> System:
+def with_relay(internal: Fraction | None = None, *, step: str | Fraction = "1 ms") -> System:
     system = System()
-    system.add("lag", Lag, step="1 ms")
-    system.add("relay", Relay, step="1 ms")
+    system.add("lag", Lag, step=step)
+    system.add("relay", Relay, step=step)
     system.connect("lag.x", "relay.x")
     system.connect("relay.u", "lag.u")
     system["lag"].description.internal_step = internal
     return system
+
+
+def test_ticks_of_steps_that_are_no_simple_fractions_are_not_too_short_for_doubles():
+    with with_relay(step=Fraction(42023, 10**6)) as system:
+        run = system.run(1000.1, record=["lag.x"], start_time=1000, tolerance=1e-5)
+    assert run.time[-1] > 1000.08
+    assert run.steps.least < 1e-3 * 42e-3
+    assert run.steps.limited_by == "double-precision times"
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
