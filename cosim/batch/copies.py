@@ -106,9 +106,9 @@ class Batch(Copies):
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
         begin: False where `reset` or `reset_each` comes later.
-        seeds: derivatives of parameters and start values, by full name (copies, directions): whole vectors
-            of directions (a multiple of 8 is one for every processor), the same number for all; of a series (rows,
-            copies, directions). What is recorded then has
+        seeds: derivatives of parameters and start values, by full name (copies, directions), all of the same number of
+            directions, which fill whole vectors: a multiple of 8 does on every processor; of a series (rows, copies,
+            directions). What is recorded then has
             derivatives (`BatchRecording.tangents`); components on which no output or recorded variable depends do
             without.
 

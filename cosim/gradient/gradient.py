@@ -45,7 +45,7 @@ from cosim.system.components import SystemComponent
 from cosim.system.wiring import Wiring
 
 DIRECTIONS = 16  # parameters that one copy of the system carries
-MANY_DIRECTIONS = 52  # where there are more than two copies would carry, and more to fill vectors (tangents.h)
+MANY_DIRECTIONS = 52  # where there are more than two copies would carry: 13 vectors of AVX2 (tangents.h)
 FORWARD = DIRECTIONS  # parameters up to which the forward way costs less than the adjoint (benchmarks/gradients.py)
 _WHY = "a root, a quotient or a norm has no slope there, or a quadratic program was not solved"
 STEP = 1e-4  # relative step of the differences that a gradient is compared with
@@ -287,17 +287,16 @@ class GradientRun:
     def _forward(self) -> Gradient:
         """All parameters, some by each copy."""
         n = len(self.elements)
-        lanes = choose_target().lanes
-        each = DIRECTIONS if n <= 2 * DIRECTIONS else -(-MANY_DIRECTIONS // lanes) * lanes
-        copies = -(-n // each)
-        seeds, sizes = np.zeros((n, copies, each)), self._sizes()
+        each = DIRECTIONS if n <= 2 * DIRECTIONS else MANY_DIRECTIONS
+        copies, lanes = -(-n // each), choose_target().lanes
+        seeds, sizes = np.zeros((n, copies, -(-each // lanes) * lanes)), self._sizes()
         seeds[range(n), np.arange(n) // each, np.arange(n) % each] = sizes
         own = {
             name: seeds[part] if samples else seeds[part.start]
             for name, samples, part in zip(self.by, self.samples, self._parts, strict=True)
         }
         recording, batch = self._advance(own, {}, copies)
-        tangents = np.concatenate(list(recording.tangents), axis=-1)[..., :n] / sizes
+        tangents = np.concatenate(list(recording.tangents[..., :each]), axis=-1)[..., :n] / sizes
         self._check(recording, tangents)
         one = recording.one(0)
         values, slopes = self._measure(one)

@@ -98,16 +98,21 @@ OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
     ),
     "a limit of a local": ("a; const local l = s * t; z = fmax(l, t) + fmin(l, s) + l", (0.7, -1.3)),
 }
+# Where a number is equal to 0: derivatives are those of one side, of zeros by the sign that the result has.
+AT_ZERO: dict[str, tuple[str, tuple[float, float], tuple[float, float]]] = {
+    "both sides": ("fmax(a, 0.0) - fmax(-a, 0.0)", (0.0, 1.3), (1.0, 0.0)),
+    "one side": ("fmax(a, 0.0) + fmin(-b, a)", (0.0, 0.0), (1.0, -1.0)),
+}
 # Where a slope is infinite, and what it is multiplied with does not move: both derivatives.
 ROOTS: dict[str, tuple[str, tuple[float, float], tuple[float, float]]] = {
-    "sqrt": ("sqrt(square(a) + square(b))", (0.0, 0.0), (0.0, 0.0)),
+    "sqrt at 0": ("sqrt(square(a) + square(b))", (0.0, 0.0), (0.0, 0.0)),
     "sqrt of a scalar": ("t * sqrt(square(s))", (0.0, 1.3), (0.0, 0.0)),
     "sqrt of a sqrt": ("sqrt(sqrt(2.0 * square(s))) + t", (0.0, 1.3), (0.0, 1.0)),
     "sqrt of a local": ("a; const local l = 2.0 * square(s); z = sqrt(l) * t + sqrt(sqrt(l))", (0.0, 1.3), (0.0, 0.0)),
-    "acos": ("acos(cos(s)) * t", (0.0, 1.3), (0.0, 0.0)),
+    "acos at 1": ("acos(cos(s)) * t", (0.0, 1.3), (0.0, 0.0)),
     "a condition": ("exp(-number(0.0 < s)) * t + square(number(0.0 < t)) * t", (0.0, 1.3), (0.0, 2.0)),
 }
-_ALL = {**OPERATIONS, **{name: root[:2] for name, root in ROOTS.items()}}
+_ALL = {**OPERATIONS, **{name: at[:2] for name, at in (ROOTS | AT_ZERO).items()}}
 CODE = """
 #include "number_equations.h"
 
@@ -209,6 +214,12 @@ def test_an_operation_has_the_slopes_of_its_values(compute: Compute, name: str) 
 @pytest.mark.parametrize("name", ROOTS)
 def test_an_infinite_slope_of_what_does_not_move_counts_for_nothing(compute: Compute, name: str) -> None:
     _, at, expected = ROOTS[name]
+    assert compute(name, np.array(at))[1:].tolist() == list(expected)
+
+
+@pytest.mark.parametrize("name", AT_ZERO)
+def test_of_equal_zeros_one_is_followed(compute: Compute, name: str) -> None:
+    _, at, expected = AT_ZERO[name]
     assert compute(name, np.array(at))[1:].tolist() == list(expected)
 
 

@@ -64,8 +64,11 @@ INLINE Part added(const Part &sum, double slope, const Part &d) {
 /* N parts of the derivatives of r, from the same of M operands; their sums are in registers. */
 template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, const Tangent *const *of, int from) {
     Part sum[N];
-    EACH_OF(N, i, sum[i] = Part{})
-    EACH_OF(M, k, {
+    const Part *const first = parts_of(*of[0]) + from;
+    if (__builtin_expect(slopes[0] - slopes[0] == 0.0, 1)) EACH_OF(N, i, sum[i] = slopes[0] * first[i])
+    else EACH_OF(N, i, sum[i] = scaled(slopes[0], first[i]))
+    EACH_OF(M - 1, j, {
+        const int k = j + 1;
         const double slope = slopes[k];
         const Part *const d = of[k]->d + from;
         if (!of[k]->moves) continue;
@@ -74,8 +77,8 @@ template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, 
     })
     EACH_OF(N, i, r[from + i] = sum[i])
 }
-/* The derivatives of r, which may be one of its M operands. AVX2 has 16 registers. */
-enum { BLOCK = PARTS <= 14 ? PARTS : (PARTS + 1) / 2, REST = PARTS - BLOCK };
+/* The derivatives of r, which may be one of its M operands. AVX2 has 16 registers: for 13 sums and a slope. */
+enum { BLOCK = PARTS <= 13 ? PARTS : (PARTS + 1) / 2, REST = PARTS - BLOCK };
 template <int M> INLINE void add_up(Tangent *r, const double *slopes, const Tangent *const *of) {
     uint64_t moves = 0;
     for (int k = 0; k < M; k++) moves |= of[k]->moves;
@@ -148,7 +151,7 @@ INLINE int meet(const Tangent &x, const Tangent &y, double within) {
     const double gap = fabs(x.v - y.v);
     Part sums[2] = {};
     EACH_OF(PARTS, i, sums[i % 2] += (a[i] - b[i]) * (a[i] - b[i]))
-    if (!any_of(2.0 * within * within * (sums[0] + sums[1]) >= gap * gap)) return 0;
+    if (!any_of((2.0 * within * within * (sums[0] + sums[1]) < gap * gap) == 0)) return 0; /* none is NaN either */
     for (int k = 0; k < TANGENTS; k++) {
         const double one = slope_of(x, k), other = slope_of(y, k), apart = fabs(one - other);
         if (within * apart >= gap && apart > 1e-12 * (1.0 + fabs(one) + fabs(other))) return 1;
