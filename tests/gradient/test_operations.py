@@ -91,7 +91,10 @@ OPERATIONS: dict[str, tuple[str, tuple[float, float]]] = {
         "c * a + b / c - fmax(c, -4.0) + fmin(c, a) + when(c > b, c * b) + if_else(b < c, c, a) * sin(c) * a",
         (0.7, -1.3),
     ),
-    "functions of what does not move": ("atan2(c, a) + hypot(b, c) + pow(a, c) + copysign(c, b) + fabs(c)", (0.7, -1.3)),
+    "functions of what does not move": (
+        "atan2(c, a) + hypot(b, c) + pow(a, c) + copysign(c, b) + fabs(c)",
+        (0.7, -1.3),
+    ),
     "a copy of what does not move": (
         "a; Number k = c; scalar l = k; const local m = l * s; z = m + l * t; k = a; k = c; z += k * a",
         (0.7, -1.3),
