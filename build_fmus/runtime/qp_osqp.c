@@ -262,22 +262,22 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     (void)osqp_solve(&s->solver);
 
     *iterations = (int)s->info.iter;
-    const OSQPInt outcome = s->info.status_val;
-    const int infeasible = outcome == OSQP_PRIMAL_INFEASIBLE || outcome == OSQP_PRIMAL_INFEASIBLE_INACCURATE;
-    switch (outcome) {
+    switch (s->info.status_val) {
         case OSQP_SOLVED:
         case OSQP_SOLVED_INACCURATE:
         case OSQP_MAX_ITER_REACHED: break;
+        case OSQP_PRIMAL_INFEASIBLE:
+        case OSQP_PRIMAL_INFEASIBLE_INACCURATE: /* which can be wrong; the start stays */
+            return qp->fallback ? solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations) : QP_INFEASIBLE;
         default: /* no solution in the workspace: the start value */
             (void)memset(memory, 0, (size_t)(n + m) * sizeof(double));
-            if (qp->fallback) return solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations);
-            return infeasible ? QP_INFEASIBLE : QP_LIMIT_REACHED;
+            return qp->fallback ? solve_again(qp, data, s, 0, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
     }
     multiply(f->transform, 0, n, s->solution.x, z);
     for (int i = 0; i < m; i++) y[i] = e[i] * s->solution.y[i];
     (void)memcpy(memory, z, (size_t)n * sizeof(double));
     (void)memcpy(memory + n, y, (size_t)m * sizeof(double));
-    const int found = outcome == OSQP_SOLVED;
+    const int found = s->info.status_val == OSQP_SOLVED;
     if (qp->fallback) return solve_again(qp, data, s, found, memory, q, l, u, z, y, iterations);
     return found ? QP_SOLVED : QP_LIMIT_REACHED;
 }

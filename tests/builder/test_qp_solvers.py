@@ -352,11 +352,25 @@ def test_what_the_fallback_finds_infeasible_too_is_infeasible(mistaken: tuple[Os
 
 
 def test_a_fallback_at_its_limit_leaves_open_what_osqp_finds_infeasible(mistaken: tuple[Osqp, Osqp]) -> None:
-    limited = replace(mistaken[0], fallback=Daqp(max_iterations=2))
-    s = solve("misjudged", limited, *MISJUDGED[2:])
+    """The next solve begins at the same start, with the same bits as if this one had not been."""
+    alone, both = mistaken
+    limited = replace(alone, fallback=Daqp(max_iterations=2))
+    data = MISJUDGED[2:]
+    contrary = MISJUDGED.linear, MISJUDGED.lower, MISJUDGED.upper - [0.0, 0.0, 0.5]
+    memory = compiled("misjudged", limited).memory
+    memory[:] = 0
+    assert solve("misjudged", limited, *data).status == LIMIT
+    assert not memory.any()
+    solve("misjudged", both, *data)
+    memory[:] = start = compiled("misjudged", both).memory.copy()
+    expected = solve("misjudged", limited, *data, commit=False)
+    s = solve("misjudged", limited, *contrary)
     assert s.status == LIMIT
     assert np.isfinite(s.z).all()
-    assert not compiled("misjudged", limited).memory.any(), "no start for the next sample"
+    assert memory.tobytes() == start.tobytes()
+    again = solve("misjudged", limited, *data)
+    assert (again.z.tobytes(), again.iterations) == (expected.z.tobytes(), expected.iterations)
+    assert again.status == SOLVED
 
 
 @pytest.mark.parametrize(
