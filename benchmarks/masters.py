@@ -280,17 +280,12 @@ class Cost:
     """A run.
 
     Attributes:
-        errors: of each signal, relative to its largest value.
+        error: the largest of all signals, relative to the largest value of the signal.
         calls: of doStep.
     """
 
-    errors: Mapping[str, float]
+    error: float
     calls: int
-
-    @property
-    def error(self) -> float:
-        """The largest of all signals."""
-        return max(self.errors.values())
 
 
 @dataclass(frozen=True)
@@ -332,7 +327,7 @@ def measured(subject: Subject, folder: Path = BUILT, peer: Path | None = None) -
     for what, extrapolate in ((PLAIN, False), (EXTRAPOLATED, True)):
         with subject.wired(folder, extrapolate=extrapolate) as system:
             found = errors(system.run(stop, record=record), true)
-            costs[what] = Cost(found, n * steps)
+            costs[what] = Cost(max(found.values()), n * steps)
             if costs[what].error < DIVERGED:
                 estimate = system.exchange_error(stop, record=record, contributions=False)
                 told = {s.name: s.relative for s in estimate.signals}
@@ -342,7 +337,7 @@ def measured(subject: Subject, folder: Path = BUILT, peer: Path | None = None) -
             run = system.run(stop, record=record, execution=Execution(tolerance=tolerance))
             assert run.steps is not None
             tried = run.steps.accepted + run.steps.rejected
-            costs[f"tolerance {tolerance:g}"] = Cost(errors(run, true), 2 * n * tried)
+            costs[f"tolerance {tolerance:g}"] = Cost(max(errors(run, true).values()), 2 * n * tried)
     if peer is not None:
         costs["CoFmuPy"] = by_cofmupy(subject, folder, peer, true)
     return Result(ratios, costs)
@@ -382,7 +377,7 @@ def by_cofmupy(subject: Subject, folder: Path, python: Path, true: Recording) ->
     }
     done = subprocess.run([str(python), "-c", _PEER], input=json.dumps(job), capture_output=True, text=True, check=True)
     run = {n: np.concatenate([true[n][:1], values]) for n, values in json.loads(done.stdout).items()}
-    return Cost(errors(run, true), len(subject.files) * steps)
+    return Cost(max(errors(run, true).values()), len(subject.files) * steps)
 
 
 def measure() -> dict[str, dict[str, float]]:

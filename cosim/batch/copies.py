@@ -106,11 +106,10 @@ class Batch(Copies):
         vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
             on this.
         begin: False where `reset` or `reset_each` comes later.
-        seeds: derivatives of parameters and start values, by full name (copies, directions), all of the same number of
-            directions, which fill whole vectors: a multiple of 8 does on every processor; of a series (rows, copies,
-            directions). What is recorded then has
-            derivatives (`BatchRecording.tangents`); components on which no output or recorded variable depends do
-            without.
+        seeds: derivatives of parameters and start values, by full name (copies, directions); of a series (rows, copies,
+            directions). All have the same number of directions, which fills whole vectors: a multiple of 8 does so on
+            every processor. What is recorded then has derivatives (`BatchRecording.tangents`); components on which no
+            output or recorded variable depends do without.
 
     A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
     is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
