@@ -63,9 +63,7 @@ STEP void step_am2(const Integrator *self, double t, double h, int first, real *
         for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * now[i] - 0.5 * before[i]);
     self->rhs(self->system, t + h, s, ahead);
     for (int i = 0; i < n; i++) x[i] += 0.5 * h * (now[i] + ahead[i]);
-#ifndef LANES /* there k1 and k2 change places from step to step */
     memcpy(before, now, (size_t)n * sizeof *now);
-#endif
 }
 
 /* Stoermer-Verlet (drift, kick, drift): positions move half a step with the old velocities, everything else a whole

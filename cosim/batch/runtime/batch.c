@@ -184,9 +184,7 @@ static void record(const Group *g, const Engine *e) {
             of[0] = !there ? NAN : b->record_converted[k] ? values[0] * scale + b->record_offset[k] : values[0];
 #ifdef ADJOINTS
             of[1] = (double)g->values[b->recorded[k]].index;
-            continue;
-#endif
-#ifdef TANGENTS
+#elif defined(TANGENTS)
             for (int j = 0; j < TANGENTS; j++) of[1 + j] = there ? slope_of(g->values[b->recorded[k]], j) * scale : NAN;
 #endif
         }

@@ -138,7 +138,7 @@ static void jacobian_of(void *component, double t, const lanes *x, lanes *J, lan
 #define jacobian_of NULL
 #endif
 
-INLINE int step_solver(Component *m, double t, double h, int64_t i) {
+INLINE int step_solver(Component *m, double t, double h, int first) {
     const Integrator of = {
         .method = SOLVER,
         .n = N_STATES,
@@ -148,15 +148,15 @@ INLINE int step_solver(Component *m, double t, double h, int64_t i) {
         .nominals = NOMINALS,
         .velocity_of = VELOCITY_OF,
         .stage = m->k[0],
-        .k1 = m->k[1 + (i & 1)],
-        .k2 = m->k[2 - (i & 1)],
+        .k1 = m->k[1],
+        .k2 = m->k[2],
         .k3 = m->k[3],
         .k4 = m->k[4],
         .matrix = m->matrix,
         .by_time = m->matrix + MATRIX,
         .pivots = m->pivots,
     };
-    return integrator_step(&of, t, h, i == 0, X);
+    return integrator_step(&of, t, h, first, X);
 }
 
 /* One communication step of all lanes; returns which of those in `of` have failed. */
@@ -167,7 +167,7 @@ static unsigned step(Component *m, double t, double h, unsigned of) {
     unsigned failed = 0;
     for (int64_t i = 0; i < n; i++) {
         const double ti = t + (double)i * dt;
-        const int column = step_solver(m, ti, dt, i);
+        const int column = step_solver(m, ti, dt, i == 0);
         if (column < N_STATES) {
             fail(m, of & ~failed, SINGULAR, column, ti, &X[column]);
             return failed | of;

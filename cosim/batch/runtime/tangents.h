@@ -16,7 +16,7 @@ typedef double Part __attribute__((vector_size(8 * PART)));
 struct Tangent {
     typedef Names<-1> Read;
     double v;
-    uint64_t moves; /* 0: all derivatives are 0, whatever stands in d; before that, what alignment takes */
+    uint64_t moves; /* 0: all derivatives are 0, and d has no values; d begins at a multiple of its alignment */
     Part d[PARTS];
     Tangent() = default;
     Tangent(double x) : v(x), moves(0) {}
@@ -30,7 +30,7 @@ struct Tangent {
 };
 #define OPERATION NOINLINE
 
-/* Derivatives as they are, also of what does not move. */
+/* The derivatives of a number, which are 0 if it does not move. */
 static const Part still[PARTS] = {};
 INLINE const Part *parts_of(const Tangent &x) { return x.moves ? x.d : still; }
 INLINE double slope_of(const Tangent &x, int k) { return ((const double *)parts_of(x))[k]; }
@@ -43,9 +43,10 @@ inline Tangent &Tangent::operator=(const Tangent &x) { /* GCC calls it from code
     return *this;
 }
 
+INLINE bool is_finite(double slope) { return __builtin_expect(slope - slope == 0.0, 1); }
 /* A product with the slope. Where x does not move, its part is 0, also where the slope is infinite. */
 INLINE Part scaled(double slope, const Part &d) {
-    if (__builtin_expect(slope - slope == 0.0, 1)) return slope * d;
+    if (is_finite(slope)) return slope * d;
     Part r;
     for (int i = 0; i < PART; i++) r[i] = d[i] == 0.0 ? 0.0 : slope * d[i];
     return r;
@@ -65,14 +66,14 @@ INLINE Part added(const Part &sum, double slope, const Part &d) {
 template <int N, int M> INLINE void add_up_parts(Part *r, const double *slopes, const Tangent *const *of, int from) {
     Part sum[N];
     const Part *const first = parts_of(*of[0]) + from;
-    if (__builtin_expect(slopes[0] - slopes[0] == 0.0, 1)) EACH_OF(N, i, sum[i] = slopes[0] * first[i])
+    if (is_finite(slopes[0])) EACH_OF(N, i, sum[i] = slopes[0] * first[i])
     else EACH_OF(N, i, sum[i] = scaled(slopes[0], first[i]))
     EACH_OF(M - 1, j, {
         const int k = j + 1;
         const double slope = slopes[k];
         const Part *const d = of[k]->d + from;
         if (!of[k]->moves) continue;
-        if (__builtin_expect(slope - slope == 0.0, 1)) EACH_OF(N, i, sum[i] = added(sum[i], slope, d[i]))
+        if (is_finite(slope)) EACH_OF(N, i, sum[i] = added(sum[i], slope, d[i]))
         else EACH_OF(N, i, sum[i] += scaled(slope, d[i]))
     })
     EACH_OF(N, i, r[from + i] = sum[i])
@@ -98,7 +99,7 @@ template <int M> NOINLINE void add_up_many(Tangent *r, const double *slopes, con
     add_up<M>(r, slopes, of);
 }
 template <class E, class> MEMBER Tangent &Tangent::operator=(const E &e) {
-    if constexpr (__is_base_of(Tangent, E)) return *this = static_cast<const Tangent &>(e); /* as it is */
+    if constexpr (__is_base_of(Tangent, E)) return *this = static_cast<const Tangent &>(e);
     Operands<typename E::Read> all;
     e.template note<0>(all, 1.0);
     v = e.v;
@@ -151,7 +152,7 @@ INLINE int meet(const Tangent &x, const Tangent &y, double within) {
     const double gap = fabs(x.v - y.v);
     Part sums[2] = {};
     EACH_OF(PARTS, i, sums[i % 2] += (a[i] - b[i]) * (a[i] - b[i]))
-    if (!any_of((2.0 * within * within * (sums[0] + sums[1]) < gap * gap) == 0)) return 0; /* none is NaN either */
+    if (!any_of((2.0 * within * within * (sums[0] + sums[1]) < gap * gap) == 0)) return 0; /* a NaN is not less */
     for (int k = 0; k < TANGENTS; k++) {
         const double one = slope_of(x, k), other = slope_of(y, k), apart = fabs(one - other);
         if (within * apart >= gap && apart > 1e-12 * (1.0 + fabs(one) + fabs(other))) return 1;
